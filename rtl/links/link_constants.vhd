@@ -17,6 +17,7 @@ package link_constants is
   constant PROTOCOL_VERSION : natural := 2; -- of the protocol
   constant OUTCOME_COUNT : natural := 16; -- counters
   constant COUNTERS_PER_REPLY : natural := 8; -- counters
+  constant COUNT_BITS : natural := 7; -- of a measurement's count, on the left of a STEP's last word
   constant LONGEST_DECISION : natural := 4000; -- clocks after which a STEP is answered without a decision
 
   subtype byte_t is std_logic_vector(7 downto 0);
@@ -81,6 +82,7 @@ package link_constants is
   constant OUTCOME_STALE : outcome_t := "1010";
   constant OUTCOME_LINK : outcome_t := "1011";
   constant OUTCOME_POSITION : outcome_t := "1100";
+  constant OUTCOME_REPEATED : outcome_t := "1101";
 
   constant FLAG_HELD : natural := 0; -- bit of a decision's flags
   constant FLAG_DEADLOCK : natural := 1; -- bit of a decision's flags

@@ -1,9 +1,13 @@
 -- Takes a request apart and says whether it may act.
 --
 -- The request comes byte by byte. What only its meaning tells is checked in the order of the protocol page: type and
--- size, sequence number, authority, position. Sequence numbers are of one link each: bit 31 is the link, the
--- other bits have to lie above the last number that acted on this link, by 1 to 2**30 modulo 2**31. So a frame that
--- was recorded on one link is stale on the other.
+-- size, sequence number, authority, position, count of the measurement. Sequence numbers are of one link each: bit 31
+-- is the link, the other bits have to lie above the last number that acted on this link, by 1 to 2**30 modulo 2**31.
+-- So a frame that was recorded on one link is stale on the other.
+--
+-- The count of a STEP's measurement stands above its position. While the position is known it has to lie above that of
+-- the last STEP that acted on this link, by 1 to 2**(COUNT_BITS - 1) modulo 2**COUNT_BITS. So a host that goes on with
+-- an old measurement steps no further.
 --
 -- Authority: the link in control may do everything. The other one reads, and writes zero to system.control,
 -- which disables the gates.
@@ -68,6 +72,8 @@ architecture rtl of request_check is
   -- bits of a position: MPDCC three switch positions, MPTC a vector
   constant POSITION_BITS : natural := choose(CONTROLLER = CONTROLLER_MPDCC, 9, 3);
 
+  type counts_t is array (0 to 1) of unsigned(COUNT_BITS - 1 downto 0);
+
   type last_t is array (0 to 1) of unsigned(NUMBER_BITS - 1 downto 0);
 
   signal type_now    : byte_t;
@@ -77,6 +83,9 @@ architecture rtl of request_check is
   signal payload     : std_logic_vector(WIDTH - 1 downto 0); -- last byte on the left
   signal quiet       : std_logic;                            -- the word so far is zero
   signal lasts       : last_t;                               -- last number that acted, by link
+  signal counts      : counts_t;                             -- measurement of the last STEP that acted, by link
+  signal count_now   : unsigned(COUNT_BITS - 1 downto 0);    -- of this one
+  signal passed      : unsigned(COUNT_BITS - 1 downto 0);    -- the last one less this one
   signal last_now    : unsigned(NUMBER_BITS - 1 downto 0);
   signal behind      : unsigned(NUMBER_BITS - 1 downto 0);   -- last number less this one
   signal fresh       : std_logic;                            -- the number is new, and of this link
@@ -178,9 +187,12 @@ begin
   -- Sequence numbers
   ---------------------------------------------------------------------------------------------
 
-  last_now <= lasts(0) when link = '0' else
-              lasts(1);
-  behind   <= last_now - unsigned(number_now(NUMBER_BITS - 1 downto 0));
+  last_now  <= lasts(0) when link = '0' else
+               lasts(1);
+  count_now <= unsigned(payload(WIDTH - 1 downto WIDTH - COUNT_BITS));
+  passed    <= counts(0) - count_now when link = '0' else
+               counts(1) - count_now;
+  behind    <= last_now - unsigned(number_now(NUMBER_BITS - 1 downto 0));
 
   p_numbers : process (clk) is
   begin
@@ -200,9 +212,18 @@ begin
         end if;
       end if;
 
+      if (noted = '1' and stepping = '1') then
+        if (link = '0') then
+          counts(0) <= count_now;
+        else
+          counts(1) <= count_now;
+        end if;
+      end if;
+
       if (rst = '1') then
-        lasts <= (others => (others => '0'));
-        noted <= '0';
+        lasts  <= (others => (others => '0'));
+        counts <= (others => (others => '0'));
+        noted  <= '0';
       end if;
     end if;
 
@@ -223,7 +244,7 @@ begin
   end process p_stands;
 
   p_verdict : process (known, changes, stepping, fresh, link, control, disables, step_busy, applied_known, payload,
-                       stands) is
+                       stands, passed) is
 
     variable asked : std_logic_vector(15 downto 0);
 
@@ -244,6 +265,8 @@ begin
       elsif (stepping = '1' and applied_known = '1'
              and asked(POSITION_BITS - 1 downto 0) /= stands) then
         outcome <= OUTCOME_POSITION;
+      elsif (stepping = '1' and applied_known = '1' and passed(COUNT_BITS - 1) = '0') then
+        outcome <= OUTCOME_REPEATED;
       end if;
     end if;
 

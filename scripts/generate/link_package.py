@@ -27,6 +27,7 @@ _TEXTS = {
     "VERSION": "of the protocol",
     "OUTCOME_COUNT": "counters",
     "COUNTERS_PER_REPLY": "counters",
+    "COUNT_BITS": "of a measurement's count, on the left of a STEP's last word",
     "LONGEST_DECISION": "clocks after which a STEP is answered without a decision",
 }
 

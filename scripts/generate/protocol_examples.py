@@ -44,7 +44,7 @@ def frames() -> list[tuple[str, Frame]]:
         In the order of the page.
     """
     identity = Identity(p.VERSION, Controller.MPDCC, 2, 2, 4, 25_000_000, 125_000)
-    measured = p.step_payload(list(MEASUREMENTS), p.packed_positions((6, 2, 1)))
+    measured = p.step_payload(list(MEASUREMENTS), p.packed_positions((6, 2, 1)), 5)
     decided = Decision(p.packed_positions((7, 2, 1)), 1 << p.Flag.ENABLED, 12, 81, 0, 0x35A6AC)
     ended = Decision(
         p.packed_positions((6, 3, 1)),
@@ -66,7 +66,7 @@ def frames() -> list[tuple[str, Frame]]:
         ("its reply: done", Frame(0x84, 5, struct.pack("<HB", 0x180, 0))),
         ("READ of address 0x014", Frame(Type.READ, 6, struct.pack("<H", 0x14))),
         ("its reply: 0x00000024", Frame(0x83, 6, struct.pack("<HBI", 0x14, 0, 0x24))),
-        ("STEP: 13 words, then s(k-1) = (6, 2, 1)", Frame(Type.STEP, 7, measured)),
+        ("STEP: 13 words, then s(k-1) = (6, 2, 1) and the count 5", Frame(Type.STEP, 7, measured)),
         ("its reply: s(k) = (7, 2, 1) for 12 steps, 81 clocks", Frame(0x85, 7, decided.pack())),
         ("the same, had SESE's budget ended the search: s(k) = (6, 3, 1), 1172 clocks",
          Frame(0x85, 7, ended.pack())),

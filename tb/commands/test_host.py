@@ -249,6 +249,31 @@ def test_refusals_say_why() -> None:
     assert refused.value.outcome is Outcome.LINK
 
 
+def test_a_measurement_acts_once_while_the_gates_are_on() -> None:
+    board = model()
+    link = link_of(board)
+
+    def send(count: int) -> None:
+        link.request(Type.STEP, p.step_payload([0] * 8, 5, count), once=True)
+
+    send(0)
+    send(0)  # the gates are off
+    board.applied = lambda: 5
+    for count in (1, 2, 66, 129):
+        send(count)
+    for old in (1, 0, 66):  # the same one, the one before, one too far ahead
+        with pytest.raises(RefusedError, match="not newer than the last one") as refused:
+            send(old)
+        assert refused.value.outcome is Outcome.REPEATED
+    send(2)
+
+
+def test_a_position_leaves_room_for_the_count() -> None:
+    assert p.step_payload([1], 511, 127) == b"\x01\x00\xff\xff"
+    with pytest.raises(struct.error, match="position: got 512, allowed: 0 to 511"):
+        p.step_payload([1], 512, 0)
+
+
 #: Capabilities of a board that takes every drive.
 OPTIONS = ("second_level", "weighted_deadlock", "inwards", "capacitor_filter", "leakage_estimate")
 

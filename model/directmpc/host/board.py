@@ -259,6 +259,7 @@ class Board:
         self.real_time = real_time
         self.drive: Drive | MptcDrive | None = None
         self._encoder: Encoder | None = None
+        self._count = 0
         self._started = False
         #: Steps since the start without gates; None once they have been on.
         self._waited: int | None = 0
@@ -763,13 +764,17 @@ class Board:
             name for name, address, word in found.writes()[:-1] if self.read_word(address) != word
         ]
 
-    def step(self, state: State | Mapping[str, Any]) -> Reply:
+    def step(self, state: State | Mapping[str, Any], count: int | None = None) -> Reply:
         """What is measured in, what to apply next out.
 
         Parameters
         ----------
         state : MpdccState, MptcState or mapping
             In the units of the drive file; or a row of its trace by column names.
+        count : int or None
+            Of the measurement, from what measures: raised by one with each. While the gates are on,
+            the board refuses a measurement that is not newer than the last one. None: each call has
+            a new one.
 
         Returns
         -------
@@ -786,7 +791,7 @@ class Board:
             If no reply comes (a step is sent once), or the core gives no decision.
         RefusedError
             If the board refuses it: while the gates are on, the state has to name the positions
-            that they are at.
+            that they are at, and its measurement has to be new.
         RuntimeError
             If no drive has been loaded.
         TypeError, StateError
@@ -798,7 +803,7 @@ class Board:
         known = state_of(self.drive, state)
         self.refuse_unmeasured(known)
         words, clipped, position = self._encoder.words(known)
-        answer = self.answer(words, position)
+        answer = self.answer(words, position, count=count)
         return Reply(
             decision_of(self.drive.controller, answer, clipped, self.sequence()),
             answer.cycles,
@@ -826,7 +831,9 @@ class Board:
                 "because the gate guard compares it (a row's column v_dc)"
             )
 
-    def answer(self, words: list[int], position: int, name: str = "step") -> Decision:
+    def answer(
+        self, words: list[int], position: int, name: str = "step", count: int | None = None
+    ) -> Decision:
         """Measurement words in, a decision out, or the error that says why there is none.
 
         Parameters
@@ -837,6 +844,8 @@ class Board:
             MPDCC: s(k-1), packed; MPTC: u.
         name : str
             Of the step, for the message.
+        count : int or None
+            Of the measurement; None: a new one.
 
         Returns
         -------
@@ -854,7 +863,7 @@ class Board:
         RefusedError
             If the board refuses it.
         """
-        answer = self.exchange(words, position)
+        answer = self.exchange(words, position, count)
         if self._started and answer.has(Flag.TRIPPED):
             raise TrippedError(self.faults(), name)
         if self._started:
@@ -897,7 +906,7 @@ class Board:
         vectors, times = self.read("result.vectors"), self.read("result.times")
         return VectorSequence(*vectors.values(), *(t / TIME_STEPS for t in times.values()))
 
-    def exchange(self, words: list[int], position: int) -> Decision:
+    def exchange(self, words: list[int], position: int, count: int | None = None) -> Decision:
         """Measurement words in, the reply as it comes out.
 
         Parameters
@@ -906,6 +915,8 @@ class Board:
             The core's measurement ports, in port order, in LSB of their formats.
         position : int
             MPDCC: s(k-1), packed; MPTC: u.
+        count : int or None
+            Of the measurement; None: one more than that of the step before.
 
         Returns
         -------
@@ -919,7 +930,8 @@ class Board:
         RefusedError
             If the board refuses it.
         """
-        payload = p.step_payload(words, position)
+        self._count = self._count + 1 if count is None else count
+        payload = p.step_payload(words, position, self._count)
         return Decision.unpack(self.link.request(Type.STEP, payload, once=True))
 
     def counters(self) -> dict[Outcome, int]:

@@ -57,6 +57,7 @@ REASONS = {
     Outcome.STALE: "its sequence number is not above the last one of this link",
     Outcome.LINK: "the switch on the board gives control to its other link",
     Outcome.POSITION: "the gates are not at the position it says",
+    Outcome.REPEATED: "its measurement is not newer than the last one",
 }
 """What a REFUSED reply may say."""
 

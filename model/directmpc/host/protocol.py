@@ -84,6 +84,7 @@ class Outcome(IntEnum):
     STALE = 10  # sequence number not above this link's last: replayed, overtaken, of the other link
     LINK = 11  # STEP or WRITE on the link that is not in control, but for a disable
     POSITION = 12  # s(k-1) or u is not what the gates are at
+    REPEATED = 13  # the measurement's count is not above this link's last, while the gates are on
 
 
 OUTCOME_COUNT = 16  # counters there are; those without a name stay at 0
@@ -552,7 +553,27 @@ class Decision:
         return self.position & 7, self.position >> 3 & 7, self.position >> 6 & 7
 
 
-def step_payload(words: list[int], position: int) -> bytes:
+#: Lowest bit of the measurement's count in the last word of a STEP, and its bits.
+COUNT_PLACE, COUNT_BITS = 9, 7
+
+
+def is_newer_count(count: int, last: int) -> bool:
+    """Whether a measurement's count is one that a board with its gates on takes.
+
+    Parameters
+    ----------
+    count, last : int
+        Of this STEP and of the last one that acted.
+
+    Returns
+    -------
+    bool
+        True if it is ahead by 1 to 64, modulo 128.
+    """
+    return 1 <= (count - last) % 2**COUNT_BITS <= 2 ** (COUNT_BITS - 1)
+
+
+def step_payload(words: list[int], position: int, count: int) -> bytes:
     """Payload of a STEP request.
 
     Parameters
@@ -560,21 +581,24 @@ def step_payload(words: list[int], position: int) -> bytes:
     words : list of int
         The core's measurement ports in port order; the lower 16 bits of each are sent.
     position : int
-        MPDCC: s(k-1), packed; MPTC: u. 16 bits, unsigned.
+        MPDCC: s(k-1), packed; MPTC: u. 9 bits, unsigned.
+    count : int
+        Of the measurement, raised by one with each; its lower seven bits are sent.
 
     Returns
     -------
     bytes
-        Two for each word and two for the position, little-endian.
+        Two for each word and two for position and count, little-endian.
 
     Raises
     ------
     struct.error
         If the position does not fit.
     """
-    return struct.pack(f"<{len(words)}H", *(w & 0xFFFF for w in words)) + struct.pack(
-        "<H", position
-    )
+    if not 0 <= position < 1 << COUNT_PLACE:
+        raise struct.error(f"position: got {position}, allowed: 0 to {(1 << COUNT_PLACE) - 1}")
+    last = position | count % 2**COUNT_BITS << COUNT_PLACE
+    return struct.pack(f"<{len(words) + 1}H", *(w & 0xFFFF for w in words), last)
 
 
 def packed_positions(s: tuple[int, int, int] | list[int]) -> int:

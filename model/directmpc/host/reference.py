@@ -35,6 +35,8 @@ class LinkModel:
         Frames by outcome.
     last
         Last sequence number that acted; `protocol.first_sequence` of the link to begin with.
+    count
+        Count of the measurement of the last STEP that acted.
     """
 
     identity: Identity
@@ -44,6 +46,7 @@ class LinkModel:
     applied: Callable[[], int | None] = lambda: None
     counters: Counter[Outcome] = field(default_factory=Counter)
     last: int = 0
+    count: int = 0
 
     @property
     def controls(self) -> bool:
@@ -102,6 +105,8 @@ class LinkModel:
             asked = int.from_bytes(frame.payload[-2:], "little")
             if applied is not None and (asked ^ applied) & mask:
                 return Outcome.POSITION
+            if applied is not None and not p.is_newer_count(asked >> p.COUNT_PLACE, self.count):
+                return Outcome.REPEATED
         return Outcome.ACCEPTED
 
     def reply(self, frame: Frame) -> Frame | None:
@@ -127,6 +132,8 @@ class LinkModel:
         kind = Type(frame.kind)
         if kind in p.ACTING:
             self.last = frame.sequence
+        if kind is Type.STEP:
+            self.count = int.from_bytes(frame.payload[-2:], "little") >> p.COUNT_PLACE
         if kind is Type.IDENTIFY:
             known = self.identity
             payload = Identity(

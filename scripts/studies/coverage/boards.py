@@ -159,7 +159,8 @@ class Lines:
         measured : list[int]
             Words of the measurements.
         """
-        reply = self.request(p.Type.STEP, p.step_payload(measured, self.position))
+        payload = p.step_payload(measured, self.position, self.decisions + 1)
+        reply = self.request(p.Type.STEP, payload)
         if reply is not None and reply.kind == p.Type.STEP | p.REPLY:
             self.position = p.Decision.unpack(reply.payload).position & 0x1FF
             self.decisions += 1
@@ -263,7 +264,7 @@ class Lines:
             Words of the measurements.
         """
         self.numbers[self.spi] += 1
-        payload = p.step_payload(measured, self.position)
+        payload = p.step_payload(measured, self.position, self.decisions + 1)
         wire = p.Frame(p.Type.STEP, self.numbers[self.spi], payload).wire()
         for place in (2, 5, len(wire) // 2, len(wire) - 1):
             self.raw(wire[:place], self.spi)

@@ -66,6 +66,7 @@ class Hostile:
     def __init__(self, script: Script, spi: bool, clock: float = CLOCK) -> None:
         self.script, self.spi, self.clock = script, spi, clock
         self.number = p.first_sequence(int(spi))
+        self.count = 0
         script.steps_over_spi(spi)
         script.wait(40)
         script.run()
@@ -132,7 +133,9 @@ class Hostile:
     def step(self, position: int) -> Decision:
         """A decision on measurements that ask for zero voltage."""
         measured = [0, 0, 0, 0, 0, 32768, 0, 0]  # zero voltage, whatever was applied
-        return Decision.unpack(self.request(Type.STEP, p.step_payload(measured, position)))
+        self.count += 1
+        payload = p.step_payload(measured, position, self.count)
+        return Decision.unpack(self.request(Type.STEP, payload))
 
     def counters(self) -> Counter[Outcome]:
         """Frames by outcome, as the board counts them."""
@@ -150,7 +153,8 @@ def load(board: Hostile, found: RegisterValues) -> None:
 
 def decided(board: Hostile, words: Iterable[int], position: int) -> Decision:
     """The decision on measurement words."""
-    payload = p.step_payload([int(word) for word in words], position)
+    board.count += 1
+    payload = p.step_payload([int(word) for word in words], position, board.count)
     return Decision.unpack(board.request(Type.STEP, payload))
 
 

@@ -426,7 +426,8 @@ def test_hostile_frames_change_no_gate_and_cost_nothing_after_them(spi: bool, co
         position = decision.position & 7
         # of this link, and of the other
         numbers = [p.first_sequence(link) + n for link in (0, 1) for n in range(1, 9)]
-        good = [Frame(Type.STEP, n, p.step_payload([8] * 8, position)).wire() for n in numbers[::7]]
+        payload = p.step_payload([8] * 8, position, 0)
+        good = [Frame(Type.STEP, n, payload).wire() for n in numbers[::7]]
         good += [Frame(Type.WRITE, n, struct.pack("<HI", 0x0C, 0)).wire() for n in numbers]
         expected = board.counters()
         expected[Outcome.ACCEPTED] += 2  # those that asked for the counters
@@ -512,6 +513,16 @@ def test_a_step_on_the_other_link_or_from_another_position_is_refused() -> None:
         with pytest.raises(RefusedError) as refused:
             board.step(decision.position & 7 ^ 1)
         assert refused.value.outcome is Outcome.POSITION
+        acted = board.count - 1  # what is refused does not count
+        # the last measurement, and the oldest that is told from a new one
+        for old in (acted, acted - 63):
+            board.count = old - 1
+            with pytest.raises(RefusedError) as refused:
+                board.step(decision.position & 7)
+            assert refused.value.outcome is Outcome.REPEATED
+        board.count = acted
+        decision = board.step(decision.position & 7)
+        assert script_gates(board) == on
         script.steps_over_spi(False)
         script.wait(10)
         script.run()
@@ -653,7 +664,7 @@ def test_a_commit_that_waits_for_a_long_decision_stops_no_disable() -> None:
             words = [w + rng.randrange(-1500, 1500) for w in MEASUREMENTS]
             words[8] = MEASUREMENTS[8]
             board.number += 1
-            payload = p.step_payload(words, p.packed_positions((6, 2, 1)))
+            payload = p.step_payload(words, p.packed_positions((6, 2, 1)), 1)
             script.spi(Frame(Type.STEP, board.number, payload).wire())
             script.wait(2500)
             script.spi(bytes(40))
@@ -715,7 +726,7 @@ def test_an_spi_exchange_of_a_step_fits_well_into_a_control_period() -> None:
         script.steps_over_spi(True)
         script.wait(40)
         number = p.first_sequence(1) + 1
-        request = Frame(Type.STEP, number, p.step_payload([0] * 13, 0)).wire()
+        request = Frame(Type.STEP, number, p.step_payload([0] * 13, 0, 1)).wire()
         script.run()
         script.spi(request + bytes(60))
         (seen,) = script.run()

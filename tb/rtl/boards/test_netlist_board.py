@@ -86,9 +86,9 @@ class Recorder(Board):
         super().__init__(link)
         self.steps: list[tuple[list[int], int, Decision]] = []
 
-    def exchange(self, words: list[int], position: int) -> Decision:
+    def exchange(self, words: list[int], position: int, count: int | None = None) -> Decision:
         """As the board does."""
-        answer = super().exchange(words, position)
+        answer = super().exchange(words, position, count)
         self.steps.append((words, position, answer))
         return answer
 
@@ -156,7 +156,7 @@ def check_corruption(board: Recorder, stream: SerialStream, log: Path) -> Counte
     judged = []
     for ahead, frame in enumerate((
         Frame(Type.WRITE, 0, struct.pack("<HI", control, 0)),
-        Frame(Type.STEP, 0, p.step_payload([w ^ 0x7F55 for w in words], 0)),
+        Frame(Type.STEP, 0, p.step_payload([w ^ 0x7F55 for w in words], 0, 1)),
     )):  # fmt: skip
         wire = replace(frame, sequence=board.link.sequence + 100 + ahead).wire()[1:-1]
         crc, last = len(wire) - 2, len(wire) - 1

@@ -19,7 +19,7 @@ from tb.rtl.links.reply_source.bench_reply_source import (
     Reply,
     reply_to,
 )
-from tb.rtl.links.request_check.bench_request_check import AHEAD, CONTROL, rules_of
+from tb.rtl.links.request_check.bench_request_check import AHEAD, CONTROL, POSITION, rules_of
 
 REGISTERS = 1024  # bytes
 LOCKED = 0x40  # a word that cannot be written
@@ -127,6 +127,8 @@ class Bench:
         What waits for its decision, or for its answer to be given.
     last : list of int
         Last number that acted, by link.
+    counts : list of int
+        Count of the measurement of the last STEP that acted, by link.
     link : int
         Link of the last request.
     wanted : list of tuple
@@ -152,7 +154,7 @@ class Bench:
         self.request: Request | None = None
         self.released: Request | None = None
         self.step: Step | None = None
-        self.last, self.link = [0, 0], 0
+        self.last, self.counts, self.link = [0, 0], [0, 0], 0
         self.wanted = [(0, 0)] * BYTE
 
     # --- what is around it ------------------------------------------------------------------------
@@ -177,7 +179,9 @@ class Bench:
         }.get(Type(kind), rng.randbytes(size))
         if kind == Type.STEP:
             other = rng.choice([0, 0, 0, 0, 1 << rng.randrange(3), 1 << rng.randrange(16)])
-            payload = payload[:-2] + struct.pack("<H", self.applied ^ other)
+            count = (self.counts[link] + rng.choice([*[1] * 8, 64, 65, 100, 0])) % 2**p.COUNT_BITS
+            position = (self.applied ^ other) & POSITION | count << p.COUNT_PLACE
+            payload = payload[:-2] + struct.pack("<H", position)
         if rng.random() < 0.04:
             payload = rng.randbytes(rng.choice([size + 1, max(0, size - 1), p.MAX_PAYLOAD, 0]))
         if rng.random() < 0.04:
@@ -261,10 +265,11 @@ class Bench:
         """What becomes of a request in this clock."""
         rules = rules_of(self.controller, int(self.control == request.link))
         rules.last = request.link << p.NUMBER_BITS | self.last[request.link]
+        rules.count = self.counts[request.link]
         rules.applied = lambda: self.applied if i["applied_known"] else None
         found = rules.verdict(request.frame)
         steps = request.frame.kind == Type.STEP
-        waits = steps and found in (Outcome.ACCEPTED, Outcome.POSITION)
+        waits = steps and found in (Outcome.ACCEPTED, Outcome.POSITION, Outcome.REPEATED)
         if waits and (i["step_busy"] or self.step):
             self.board.cover("busy by a step" if self.step else "busy by itself")
             return Outcome.BUSY
@@ -362,6 +367,8 @@ class Bench:
             self.turn_to("access")
             self.access(request)
         elif kind == Type.STEP:
+            last = int.from_bytes(request.frame.payload[-2:], "little")
+            self.counts[link] = last >> p.COUNT_PLACE
             rng, limit = self.rng, self.limit
             dues = (limit + 1, rng.randint(2, limit), limit + 2, 2, 2 * limit, limit)
             self.step = Step(link, request.frame, dues[self.steps % len(dues)])

@@ -55,7 +55,7 @@ def bench(
     rtl: Path = RTL,
     generics: Mapping[str, object] = MPDCC,
     throttle: int = 0,
-    clocks: int = 24_000,
+    clocks: int = 48_000,
 ) -> Outcome:
     return run(
         NAME,
@@ -72,7 +72,7 @@ def bench(
 def test_frames_are_served_as_the_protocol_says(
     generics: Mapping[str, object], throttle: int
 ) -> None:
-    found = bench(generics=generics, throttle=throttle)
+    found = bench(generics=generics, throttle=throttle, clocks=96_000)
     assert found.checks["reply_data"] >= 2000
     assert found.checks["outcome"] >= 150
     if not throttle:

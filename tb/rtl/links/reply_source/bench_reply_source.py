@@ -23,7 +23,9 @@ OF_REQUEST = {
     "rdata": 32, "no_answer": 1, "position": 16, "flags": 8, "length": 8, "cycles": 16,
 }  # fmt: skip
 AT_BEGIN = {"enabled": 1, "tripped": 1, "faults": 16, "gates": 32}
-REFUSALS = (Outcome.BUSY, Outcome.TYPE, Outcome.STALE, Outcome.LINK, Outcome.POSITION)
+REFUSALS = (
+    Outcome.BUSY, Outcome.TYPE, Outcome.STALE, Outcome.LINK, Outcome.POSITION, Outcome.REPEATED,
+)  # fmt: skip
 CORES_OWN = (Flag.HELD, Flag.DEADLOCK, Flag.SATURATED, Flag.CLAMPED, Flag.EXHAUSTED)
 
 

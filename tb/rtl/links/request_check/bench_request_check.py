@@ -20,7 +20,12 @@ HALF = 2 ** (p.NUMBER_BITS - 1)
 AHEAD = [1, 1, 1, 1, 2, 300, HALF - 1, HALF, HALF + 1, 0, -1, 2 - HALF]
 #: Inputs that may be anything while nothing else is said of them, and their bits.
 FREE = {"place": 6, "data": 8, "control": 1, "step_busy": 1, "applied_known": 1}
-REFUSALS = (Outcome.TYPE, Outcome.STALE, Outcome.LINK, Outcome.BUSY, Outcome.POSITION)
+REFUSALS = (
+    Outcome.TYPE, Outcome.STALE, Outcome.LINK, Outcome.BUSY, Outcome.POSITION, Outcome.REPEATED,
+)  # fmt: skip
+#: How far counts of measurements lie beyond the last one of their link.
+COUNTS = [0, 1, 2, 63, 64, 65, 127]
+POSITION = 2**p.COUNT_PLACE - 1
 
 
 @cache
@@ -51,8 +56,12 @@ class Bench:
         Its payload, while that stands.
     last : list of int
         Last number that acted, by link.
+    counts : list of int
+        Count of the measurement of the last STEP that acted, by link.
     noted : int or None
         Number that counts after this clock.
+    noted_count : int or None
+        The same of a measurement's count.
     """
 
     def __init__(self, dut) -> None:
@@ -62,7 +71,12 @@ class Bench:
         self.controller = Controller(int(given["CONTROLLER"]))
         self.link = self.applied = 0
         self.frame: Frame | None = None
+        self.forget()
+
+    def forget(self) -> None:
+        """What a reset does to numbers and counts."""
         self.last, self.noted = [0, 0], None
+        self.counts, self.noted_count = [0, 0], None
 
     def begin(self, frame: Frame | None) -> None:
         """Another request, or none."""
@@ -76,10 +90,12 @@ class Bench:
         frame = self.frame
         rules = rules_of(self.controller, int(i["control"] == self.link))
         rules.last = self.link << p.NUMBER_BITS | self.last[self.link]
+        rules.count = self.counts[self.link]
         rules.applied = lambda: self.applied if i["applied_known"] else None
         found = rules.verdict(frame)
-        # a step that would be refused anyhow never says BUSY, unless it is for its position
-        waits = frame.kind == Type.STEP and found in (Outcome.ACCEPTED, Outcome.POSITION)
+        # a step that would be refused anyhow never says BUSY, unless it is for what comes behind it
+        behind = (Outcome.ACCEPTED, Outcome.POSITION, Outcome.REPEATED)
+        waits = frame.kind == Type.STEP and found in behind
         return Outcome.BUSY if waits and i["step_busy"] else found
 
     def compare(self, i: dict[str, int]) -> None:
@@ -147,15 +163,19 @@ class Bench:
             self.compare(i)
         if self.noted is not None:
             self.last[self.link] = self.noted
+        if self.noted_count is not None:
+            self.counts[self.link] = self.noted_count
         board.cover("reset as a number counts", i["rst"] and int(self.noted is not None))
-        self.noted = None
+        self.noted = self.noted_count = None
+        if i["acted"] and self.frame.kind == Type.STEP:
+            self.noted_count = int.from_bytes(self.frame.payload[-2:], "little") >> p.COUNT_PLACE
         if i["acted"] and self.frame.kind in p.ACTING:
             self.noted = self.frame.sequence % 2**p.NUMBER_BITS
         if i["rst"]:
             board.cover("reset as it acts", int(self.noted is not None))
             board.cover("reset in a request", int(self.frame is not None))
             self.begin(None)
-            self.last, self.noted = [0, 0], None
+            self.forget()
         await self.clock.edge()
         return self.frame is not None
 
@@ -226,15 +246,18 @@ class Bench:
         self.judged = False
         return await self.tick(rst=int(self.rng.random() < 0.05))
 
-    async def serve_near(self, kind: int, changed: int, ahead: int = 1) -> None:
-        """A WRITE that disables, but for changed bits, or a STEP whose position has some."""
+    async def serve_near(self, kind: int, changed: int, ahead: int = 1, count: int = 1) -> None:
+        """A WRITE that disables, but for changed bits, or a STEP whose position has some.
+
+        A measurement's count lies `count` beyond the last one.
+        """
         steps = kind == Type.STEP
 
         def _make() -> Frame:
             payload = (changed ^ CONTROL).to_bytes(6, "little")
             if steps:
                 payload = self.rng.randbytes(p.step_size(self.controller) - 2)
-                payload += struct.pack("<H", self.applied ^ changed)
+                payload += self.last_word(self.applied ^ changed, count)
             number = (self.last[self.link] + ahead) % 2**p.NUMBER_BITS
             return Frame(kind, self.link << p.NUMBER_BITS | number, payload)
 
@@ -251,7 +274,13 @@ class Bench:
 
     def asks(self, changed: int) -> bool:
         """Whether a STEP's position still has these bits changed."""
-        return int.from_bytes(self.payload[-2:], "little") ^ self.applied == changed
+        asked = int.from_bytes(self.payload[-2:], "little")
+        return (asked ^ self.applied) & POSITION == changed
+
+    def last_word(self, position: int, ahead: int) -> bytes:
+        """Position and count of a STEP."""
+        count = (self.counts[self.link] + ahead) % 2**p.COUNT_BITS
+        return struct.pack("<H", position & POSITION | count << p.COUNT_PLACE)
 
     def request(self, kind: int, size: int) -> Frame:
         """A request, most often one that is served."""
@@ -265,10 +294,11 @@ class Bench:
             payload = bytes([byte])
         elif kind != Type.STEP or rng.random() < 0.1:
             # most of them begin as a write of zero to system.control
-            left = rng.choice([0, 0, rng.getrandbits(8 * size)]) << 16
+            left = rng.choice([0, *[rng.getrandbits(8 * size)] * 2]) << 16
             payload = (left ^ CONTROL).to_bytes(size + 2, "little")[:size]
         elif size > 1:
-            payload = payload[:-2] + struct.pack("<H", self.applied)
+            ahead = rng.choice([1, 1, 1, 2, 64, *COUNTS, rng.randrange(128)])
+            payload = payload[:-2] + self.last_word(self.applied, ahead)
         return Frame(kind, sequence, payload)
 
 
@@ -289,8 +319,10 @@ async def every_clock(dut) -> None:
             board.cover("type and size")
     for bit in range(49):
         await bench.serve_near(Type.WRITE, 1 << bit >> 1)
-    for bit in range(17):
+    for bit in range(p.COUNT_PLACE + 1):
         await bench.serve_near(Type.STEP, 1 << bit >> 1)
+    for count in COUNTS:
+        await bench.serve_near(Type.STEP, 0, count=count)
     for ahead in 2 * AHEAD:
         await bench.serve_near(Type.WRITE, 0, ahead)
     served = [Type.IDENTIFY, Type.COUNTERS, Type.READ, *[Type.WRITE] * 4, *[Type.STEP] * 4]
@@ -306,7 +338,7 @@ async def every_clock(dut) -> None:
         | {f"{kind} acted on link {link}": few for kind in p.ACTING for link in (0, 1)}
         | {"header read again": few, "reset in a request": few}
         | {"near 4: ACCEPTED": 10, "near 4: LINK": 48, "near 4: STALE": 8}
-        | {"near 5: ACCEPTED": 8, "near 5: POSITION": 3}
+        | {"near 5: ACCEPTED": 5, "near 5: POSITION": 3, "near 5: REPEATED": 3}
         | {"reset as it acts": 1, "reset as a number counts": 1}
         | {"type and size": 10 * (p.MAX_PAYLOAD + 1) * given["sizes"]},
     )

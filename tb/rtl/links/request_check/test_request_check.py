@@ -2,15 +2,17 @@
 
 Sweep: MPDCC and MPTC; bytes in every clock, and with pauses.
 Stimulus: every type with every size, foreign types; sequence numbers at both ends of what is new,
-and beyond, on both links; steps from the position of the gates and with bits of it changed; writes
-of zero to system.control, and with one bit of address or word changed; gates that move while no
-step can begin; anything at inputs that do not count; headers that come once more; resets, also in
-the clocks in which a request acts and its number counts.
+and beyond, on both links; steps from the position of the gates and with bits of it changed; counts
+of the measurement at both ends of what is new, and beyond; writes of zero to system.control, and
+with one bit of address or word changed; gates that move while no step can begin; anything at inputs
+that do not count; headers that come once more; resets, also in the clocks in which a request acts
+and its number counts.
 Checks: every output in every clock in which it means something.
 Timing: the outcome in the clock after the last byte, a number in the second clock after acted.
 Does not prove: payloads of more than 32 bytes; frame_receiver lets none through.
 Faults: a number of the other link, a zero that is none, bits of a position, a reset that leaves
-something behind, a number that counts without a change.
+something behind, a number that counts without a change, a count that is compared with the other
+link's, or may be an older one.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ STEP_WORDS = {1: 13, 2: 8}  # by controller
 
 
 def bench(
-    rtl: Path = RTL, controller: int = 1, pause: float = 0, sizes: int = 0, requests: int = 200
+    rtl: Path = RTL, controller: int = 1, pause: float = 0, sizes: int = 0, requests: int = 400
 ) -> Outcome:
     return run(
         NAME,
@@ -55,7 +57,11 @@ FAULTS = [
     Fault(NAME, "MPDCC, 9, 3)", "MPDCC, 8, 3)", "outcome:"),
     Fault(NAME, "(stepping = '1' or disables = '0')", "disables = '0'", "outcome:"),
     Fault(NAME, "noted <= acted and changes;", "noted <= acted;", "last:"),
-    Fault(NAME, "        noted <= '0';\n", "", "last:"),
+    Fault(NAME, "        noted  <= '0';\n", "", "last:"),
+    Fault(NAME, "passed(COUNT_BITS - 1) = '0'", "passed = 0", "outcome:"),
+    Fault(NAME, "counts(1) - count_now;", "counts(0) - count_now;", "outcome:"),
+    Fault(NAME, "noted = '1' and stepping = '1'", "noted = '1'", "outcome:"),
+    Fault(NAME, "        counts <= (others => (others => '0'));\n", "", "outcome:"),
     Fault(NAME, "size(5 downto 0) + (HEADER_SIZE - 1)", "size(4 downto 0) + (HEADER_SIZE - 1)",
           "complete:"),
 ]  # fmt: skip
