@@ -136,7 +136,9 @@ def _fileset(owner: str, depends: list[str]) -> dict[str, Any]:
     for path in sources.order_all(path for path, name in owners().items() if name == owner):
         standard = {"93": "vhdlSource-93", "08": "vhdlSource-2008"}[sources.standard([path])]
         files.append({str(path.relative_to(RTL)): {"file_type": standard}})
-    return {"files": files, "logical_name": "directmpc"} | ({"depend": depends} if depends else {})
+    # FuseSoC refuses an empty list. A core whose files are all in `common` has none of its own.
+    own: dict[str, Any] = {"files": files} if files else {}
+    return own | {"logical_name": "directmpc"} | ({"depend": depends} if depends else {})
 
 
 def _text(content: dict[str, Any]) -> str:

@@ -142,7 +142,9 @@ def test_every_file_stands_in_one_core_and_only_wrappers_are_vhdl_2008() -> None
     for path in sorted(cores.RTL.glob("*.core")):
         fileset = yaml.safe_load(path.read_text(encoding="utf-8"))["filesets"]["rtl"]
         assert fileset["logical_name"] == "directmpc"
-        for row in fileset["files"]:
+        # FuseSoC 2.4.7 refuses a list without entries, and every design that needs the core
+        assert fileset.get("files") != []
+        for row in fileset.get("files", []):
             [(name, given)] = row.items()
             wraps = sources.is_wrapper(cores.RTL / name)
             assert given == {"file_type": "vhdlSource-2008" if wraps else "vhdlSource-93"}
