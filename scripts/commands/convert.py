@@ -23,12 +23,20 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "files", nargs="*", type=Path, metavar="FILE",
         help="VHDL of your own in any order; it finds the cores in the library work or directmpc",
     )  # fmt: skip
-    parser.add_argument("-g", action="append", default=[], metavar="NAME=VALUE", help="a generic")
+    parser.add_argument(
+        "-g", action="append", default=[], metavar="NAME=VALUE",
+        help="a generic of the top: an integer, true or false",
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, help="Verilog file; below build/verilog without it")
     parser.add_argument(
         "--std", choices=["93", "08"],
         help="VHDL-93 or VHDL-2008; without it, 08 for your files and what the cores need else",
     )  # fmt: skip
+
+
+def _read(own: list[Path]) -> list[Path]:
+    """Every file that the conversion may read."""
+    return [path for path in (*own, *sources.rtl_files()) if path.exists()]
 
 
 def _run(given: argparse.Namespace) -> int | None:
@@ -37,6 +45,8 @@ def _run(given: argparse.Namespace) -> int | None:
         generics = tools.parse_generics(given.g)
     except ToolError as error:
         raise InputError(str(error)) from None
+    if given.out and given.out.exists() and any(map(given.out.samefile, _read(given.files))):
+        raise InputError(f"{given.out}: is one of the VHDL files; --out needs another name")
     try:
         files = sources.with_own(given.top, given.files) if given.files else None
         with progress.busy(f"conversion of {given.top}"):

@@ -478,7 +478,9 @@ def _synthesise(top: str, generics: Generics, files: Sequence[Path], form: str, 
         said = done.stderr.strip().splitlines()
         # the first error of a file; what follows is often its consequence
         errors = [line for line in said if _DIAGNOSIS.match(line) and ":warning:" not in line]
-        raise DesignError((errors or said or [f"ghdl ended with {done.returncode}"])[0])
+        found = (errors or said or [f"ghdl ended with {done.returncode}"])[0]
+        # GHDL begins what is in no file with its own path
+        raise DesignError(re.sub(r"^\S*ghdl[^\s:]*:(?!\d)\s*", "", found))
     return _without_vendors(done.stdout)
 
 
@@ -608,6 +610,36 @@ def interface(top: str, files: Sequence[Path]) -> Interface:
         for text in (generics, keyword + ports)
     ]
     return Interface(context, declarations, *listed)
+
+
+#: Types of generics of VHDL and its libraries -> what -g has to give; None: it cannot.
+_GENERIC_KINDS = dict.fromkeys(("integer", "natural", "positive"), "an integer")
+_GENERIC_KINDS |= {"boolean": "true or false"}
+_GENERIC_KINDS |= dict.fromkeys(
+    (
+        "real", "time", "string", "character", "bit", "bit_vector", "std_logic", "std_ulogic",
+        "std_logic_vector", "std_ulogic_vector", "signed", "unsigned",
+    )
+)  # fmt: skip
+
+
+def _check_generics(top: str, generics: Generics, files: Sequence[Path]) -> None:
+    """Refuse generics that the top lacks or cannot take; GHDL crashes with some of them."""
+    kinds = {name: kind.lower() for names, kind in interface(top, files).generics for name in names}
+    for name, value in generics.items():
+        found = next((declared for declared in kinds if declared.lower() == name.lower()), None)
+        if found is None:
+            raise DesignError(
+                f"{top} has no generic {name}; there is: {', '.join(kinds) or 'none'}"
+            )
+        kind = kinds[found]
+        needed = _GENERIC_KINDS.get(kind, "")
+        if needed is None:
+            raise DesignError(
+                f"generic {found} is of the type {kind}; only an integer or boolean can be set"
+            )
+        if needed and (needed == "an integer") == isinstance(value, bool):
+            raise DesignError(f"generic {found} is of the type {kind}: give {needed}")
 
 
 def _padded(top: str, files: Sequence[Path], padding: int) -> str:
@@ -799,11 +831,7 @@ def convert(
     if files is None:
         files = sources.compile_order(top, sources.rtl_files())
     std = std or sources.standard(files)
-    declared = [name for names, _ in interface(top, files).generics for name in names]
-    for name in generics:
-        if name.lower() not in map(str.lower, declared):
-            there = ", ".join(declared) or "none"
-            raise DesignError(f"{top} has no generic {name}; there is: {there}")
+    _check_generics(top, generics, files)
     target = out or tools.BUILD / "netlist" / f"{tools.configuration_name(top, generics)}.v"
     lossy = loses(tools.version("ghdl"))
     padding, vhdl = 0, None

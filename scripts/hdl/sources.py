@@ -256,6 +256,8 @@ def with_own(top: str, own: Sequence[Path]) -> list[Path]:
         each other.
     """
     for path in own:
+        if path.is_dir():
+            raise SourcesError(f"{path}: is a folder; name the VHDL files in it")
         if not path.is_file():
             raise SourcesError(f"{path}: no such file")
         try:

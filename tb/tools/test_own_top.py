@@ -81,6 +81,17 @@ def test_the_command_writes_a_netlist_that_decides_as_the_model(
     assert wrong(out, rows) == 0
 
 
+TYPED = """library ieee;
+  use ieee.std_logic_1164.all;
+entity leaf is
+  generic (MASK : std_logic_vector(3 downto 0) := "0101"; FAST : boolean := false);
+  port (clk : in std_logic; y : out std_logic);
+end entity leaf;
+architecture rtl of leaf is
+begin
+  y <= MASK(0) and clk when FAST else '0';
+end architecture rtl;
+"""
 LEAF = """library ieee;
   use ieee.std_logic_1164.all;
   use ieee.numeric_std.all;
@@ -141,6 +152,11 @@ def test_own_files_come_in_any_order_and_use_the_library_work(tmp_path: Path) ->
         (["--top", "pot", "{0}", "{1}"], "no entity 'pot' in .*; there is: leaf, top"),
         (["--top", "top", "{0}", "{1}", "-g", "N=3"], "top has no generic N; there is: WIDTH"),
         (["--top", "top", "{0}", "{1}", "-g", "WIDTH=x"], "'x' is no integer or boolean"),
+        (["--top", "top", "{0}", "{1}", "-g", "width=true"], "WIDTH is of .*: give an integer"),
+        (["--top", "leaf", "{4}", "-g", "MASK=1111"], "MASK is of the type std_logic_vector; only"),
+        (["--top", "leaf", "{4}", "-g", "FAST=1"], "FAST is of .*: give true or false"),
+        (["--top", "mpdcc_core", "-g", "EXPLORERS=9"], "(?i)convert: [^/]*explorers"),
+        (["--top", "top", "{5}"], "is a folder; name the VHDL files in it"),
         (["--top", "top", "{0}", "{1}", "{2}"], r"broken\.vhd:3:\d+:"),
         (["--top", "top", "{0}", "{1}", "{3}"], "leaf is declared in .*again.vhd"),
         (["--top", "top", "{0}"], r"a_top\.vhd:\d+:\d+:.*leaf"),
@@ -154,8 +170,10 @@ def test_what_is_wrong_is_said_in_one_line(
     broken, again = tmp_path / "broken.vhd", tmp_path / "again.vhd"
     broken.write_text("entity broken is\nend entity;\narchitecture of broken is begin end;\n")
     again.write_text(paths[1].read_text())
+    typed = tmp_path / "typed.vhd"
+    typed.write_text(TYPED)
     out = tmp_path / "out.v"
-    given = [text.format(*paths, broken, again) for text in arguments]
+    given = [text.format(*paths, broken, again, typed, tmp_path) for text in arguments]
     try:
         code = program.main(["convert", *given, "--out", str(out)])
     except SystemExit as ended:
@@ -165,6 +183,17 @@ def test_what_is_wrong_is_said_in_one_line(
     assert re.search(message, said), said
     assert "Traceback" not in said
     assert not out.exists()
+
+
+def test_no_source_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    paths = [str(path) for path in own(tmp_path)]
+    before = Path(paths[0]).read_text()
+    link = tmp_path / "link.v"
+    link.symlink_to(paths[0])
+    for out in (paths[0], str(link), str(sources.entities()["mac_block"])):
+        assert program.main(["convert", "--top", "top", *paths, "--out", out]) == 2
+        assert "is one of the VHDL files; --out needs another name" in capsys.readouterr().err
+    assert Path(paths[0]).read_text() == before
 
 
 @pytest.mark.skipif(not LOSSY, reason="this GHDL converts it rightly")
