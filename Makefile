@@ -104,7 +104,7 @@ replay: $(READY) ## run a recorded trace through the RTL or a model
 	@'$(PY)' -m scripts replay --drive "$$DRIVE" --trace "$$IN" --out "$$OUT" --engine "$$ENGINE" --explorers "$$EXPLORERS" --variant "$$VARIANT"
 
 registers: $(READY) ## register values of DRIVE as CSV; a C array with ARGS=--c
-	$(call need,DRIVE,the drive file or the name of a shipped one)
+	$(if $(filter -h --help,$(ARGS)),,$(call need,DRIVE,the drive file or the name of a shipped one))
 	@'$(PY)' -m scripts registers "$$DRIVE" $(ARGS)
 
 synth: $(READY) ## resources of every entity and configuration (Yosys)
@@ -155,7 +155,7 @@ field-score: $(READY) ## score decisions on a set of the bench; ARGS='--set NAME
 cluster: $(CLUSTER_READY) ## install Dask, for studies on several machines (docs/cluster.md)
 	@echo 'cluster: Dask is installed; docs/cluster.md says how to start a scheduler and workers'
 
-sources: $(READY) ## VHDL files in compile order for TOP
+sources: $(READY) ## VHDL files in compile order for TOP, one entity or several
 	@if [ -z "$$TOP" ]; then '$(PY)' -m scripts sources '' >&2; exit 2; fi; '$(PY)' -m scripts sources "$$TOP"
 
 virtual-board: $(READY) ## the board top in simulation, its UART or SPI on a pseudo-terminal; ARGS=--help

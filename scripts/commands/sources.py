@@ -1,4 +1,4 @@
-"""VHDL files in compile order for a unit, one a line."""
+"""VHDL files in compile order for a unit or several, one a line."""
 
 from __future__ import annotations
 
@@ -10,16 +10,19 @@ from scripts.shared.command import Command
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("top", nargs="?", help="entity or package; all files without it")
+    parser.add_argument(
+        "top", nargs="*", help="entities or packages; each file once; all files without any"
+    )
     parser.add_argument("--rtl", type=Path, default=sources.RTL, help="directory of the VHDL files")
     parser.add_argument("--relative-to", type=Path, help="print relative paths")
 
 
 def _run(given: argparse.Namespace) -> int | None:
     files = sources.rtl_files(given.rtl)
-    order = (
-        sources.order_all(files) if given.top is None else sources.compile_order(given.top, files)
-    )
+    # `make sources TOP="one other"` hands over one word
+    tops = [name for word in given.top for name in word.split() or [""]]
+    listed = [sources.compile_order(top, files) for top in tops] or [sources.order_all(files)]
+    order = dict.fromkeys(path for one in listed for path in one)
     for path in order:
         shown = path.resolve()
         if given.relative_to is not None:

@@ -225,6 +225,13 @@ def test_sources_needs_a_top(project):
     assert done.returncode != 0
 
 
+def test_registers_show_their_options_without_a_drive(project):
+    assert make(project, "registers").returncode != 0
+    done = make(project, "registers", "ARGS=--help")
+    assert done.returncode == 0, done.stderr
+    assert "<--help>" in done.stdout
+
+
 def test_makefile_from_elsewhere(project, tmp_path):
     other = tmp_path / "elsewhere"
     other.mkdir()

@@ -13,6 +13,7 @@ import subprocess
 
 import pytest
 
+from scripts import __main__ as program
 from scripts.hdl import sources
 
 PACKAGE = """library ieee;
@@ -69,6 +70,15 @@ def test_all_files(tree):
     order = names(sources.order_all(sources.rtl_files(tree)))
     assert sorted(order) == sorted(p.name for p in tree.iterdir())
     assert order.index("z_consts.vhd") < order.index("y_leaf.vhd") < order.index("b_mid.vhd")
+
+
+def test_several_tops_list_each_file_once(tree, capsys):
+    for tops in (["mid", "top", "other"], ["mid top other"]):
+        assert program.main(["sources", "--rtl", str(tree), *tops]) == 0
+        listed = [line.rsplit("/", 1)[-1] for line in capsys.readouterr().out.splitlines()]
+        assert listed == ["z_consts.vhd", "y_leaf.vhd", "b_mid.vhd", "a_top.vhd", "other.vhd"]
+    assert program.main(["sources", "--rtl", str(tree), "mid nothing"]) == 2
+    assert "no unit 'nothing'" in capsys.readouterr().err
 
 
 def test_unknown_top_names_the_entities(tree):
