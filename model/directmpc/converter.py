@@ -223,13 +223,15 @@ class Converter:
         """
         return _table([row + row[-1:] * (MAX_NEXT - len(row)) for row in self.next_positions])
 
-    def turn_ons(self, *groups: str) -> IntArray:
+    def turn_ons(self, group: str | None = None, devices: int | None = None) -> IntArray:
         """Gates that turn on in each transition.
 
         Parameters
         ----------
-        *groups : str
-            Groups of switches that count; all if not given.
+        group : str, optional
+            Group of the switches that count; all if not given.
+        devices : int, optional
+            Devices in series of the switches that count; any number if not given.
 
         Returns
         -------
@@ -237,7 +239,9 @@ class Converter:
             [from][to]; `INADMISSIBLE` where the graph has no edge.
         """
         counted = {
-            n for n, s in enumerate(self.switches, start=1) if not groups or s.group in groups
+            n
+            for n, s in enumerate(self.switches, start=1)
+            if group in (None, s.group) and devices in (None, s.devices)
         }
         return _table(
             [
@@ -275,6 +279,34 @@ class Converter:
             )
         a, b, c = (self.next_positions[s] for s in positions)
         return list(product(a, b, c))
+
+    def phase_voltages(
+        self, s_abc: Sequence[int], v_dc: float, v_n: float, v_ph: Sequence[float]
+    ) -> NDArray[np.float64]:
+        """Form v_abc against the dc-link midpoint (Paper A, eq. 2).
+
+        Parameters
+        ----------
+        s_abc : sequence of int
+            Positions of phases a, b, c.
+        v_dc, v_n : float
+            Voltages of dc link and neutral point, per unit.
+        v_ph : ndarray of float64, shape (3,)
+            Voltages of the phase capacitors, per unit.
+
+        Returns
+        -------
+        ndarray of float64, shape (3,)
+            Per unit.
+
+        Raises
+        ------
+        IndexError
+            If the converter has not got a position.
+        """
+        s = np.asarray(s_abc, dtype=np.int64)
+        link = self.half_dc[s] * (v_dc / 2) + self.neutral[s] * v_n
+        return np.asarray(link + self.capacitor[s] * np.asarray(v_ph))
 
     # ---- circuit ----
 

@@ -85,7 +85,7 @@ _FIVE_LEVEL = _GUARD | {
     "machine.xls": "Stator leakage reactance, omega_base L / Z_base.",
     "machine.xlr": "Rotor leakage reactance, omega_base L / Z_base.",
     "machine.xm": "Magnetising reactance, omega_base L / Z_base.",
-    "inverter.topology": "Five-level ANPC.",
+    "inverter.topology": "A file of converters/: docs/converters.md.",
     "inverter.vdc": "Voltage of the whole dc link, V_dc / V_base.",
     "inverter.xdc": "One half of the dc link, omega_base C Z_base.",
     "inverter.xph": "One phase capacitor, omega_base C Z_base.",

@@ -15,6 +15,7 @@ from cocotb.triggers import Timer, with_timeout
 
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.capacitor_observer import CapacitorFilter
+from directmpc.mpdcc.coefficients import BUILT
 from directmpc.mpdcc.errors import measure, sensors, split, switched_step
 from directmpc.mpdcc.formats import MEASUREMENTS
 from directmpc.mpdcc.leakage import LeakageEstimate
@@ -57,16 +58,17 @@ def pack_parameters(registers: np.ndarray) -> int:
     Parameters
     ----------
     registers : np.ndarray
-        `Registers.array()`, shape (43,).
+        `Registers.array()`, shape (44,).
 
     Returns
     -------
     int
         The ports side by side, the first lowest.
     """
-    words = len(registers) - len(_TAIL)
+    ports = registers[: len(registers) - len(BUILT)]
+    words = len(ports) - len(_TAIL)
     value, shift = 0, 0
-    for word, width in zip(registers, (_WIDTH,) * words + _TAIL, strict=True):
+    for word, width in zip(ports, (_WIDTH,) * words + _TAIL, strict=True):
         value |= (int(word) & ((1 << width) - 1)) << shift
         shift += width
     return value
@@ -108,7 +110,7 @@ class Bench:
     dut : cocotb handle
         The bench ``mpdcc_core_bench``.
     registers : np.ndarray
-        Parameters, shape (43,), or (n, 43) for n rows.
+        Parameters, shape (44,), or (n, 44) for n rows.
     """
 
     def __init__(self, dut, registers: np.ndarray) -> None:

@@ -16,8 +16,8 @@ from directmpc.mpdcc.closed_loop import ClosedLoopResult
 from directmpc.mpdcc.coefficients import inwards, registers, second_level, weighted_deadlock
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.program import COEFFICIENTS
+from scripts.hdl import converter_package, states
 from scripts.hdl import mpdcc_simulation as rtl_simulation
-from scripts.hdl import states
 from scripts.hdl.clocks import worst_clocks
 from scripts.hdl.ghdl import execute
 from scripts.hdl.mpdcc_simulation import BENCH, Job, Loop, generics
@@ -54,7 +54,7 @@ class Rows:
     ----------
     measurements : (n, 13)
     s_prev : (n, 3)
-    registers : (n, 43)
+    registers : (n, 44)
         Parameter ports of each row.
     """
 
@@ -130,7 +130,7 @@ def of_trace(trace, array: IntArray) -> Rows:
     trace : MpdccTrace
         n states, per unit.
     array : IntArray
-        Parameter ports, `Registers.array()`, shape (43,).
+        Parameter ports, `Registers.array()`, shape (44,).
 
     Returns
     -------
@@ -392,6 +392,8 @@ def simulate(
     second = second_level(rows.registers) if second is None else second
     weighted = weighted_deadlock(rows.registers) if weighted is None else weighted
     inward = inwards(rows.registers) if inward is None else inward
+    if rtl == RTL:
+        rtl = converter_package.rtl_of(converter_package.converter_of(rows.registers))
     with tempfile.TemporaryDirectory(prefix="directmpc-core-") as name:
         folder = Path(name)
         job = Job(rows.registers, rows.measurements, rows.s_prev, throttle=throttle, folder=folder)
@@ -435,7 +437,7 @@ def in_closed_loop(
     drive : Drive
         Plant and controller.
     array : IntArray
-        The drive's parameters of that variant, as the model had them, shape (43,).
+        The drive's parameters of that variant, as the model had them, shape (44,).
     variant : str
         "fast" or "paper".
     expected : ClosedLoopResult

@@ -15,7 +15,7 @@ from directmpc.mpdcc.coefficients import inwards, second_level, weighted_deadloc
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.plant import Plant
-from scripts.hdl import simulator
+from scripts.hdl import converter_package, simulator
 from scripts.hdl.clocks import clocks_of, worst_clocks
 from scripts.hdl.simulator import Answer
 from scripts.shared.tools import ROOT
@@ -142,6 +142,7 @@ def simulate(
         str(BENCH),
         "scripts.hdl.mpdcc_cosimulation",
         generics(explorers, variant, *options),
+        rtl=str(converter_package.rtl_of(converter_package.converter_of(job.registers))),
     )
     return simulator.simulate(job, bench, progress)
 
@@ -204,7 +205,7 @@ def simulate_rows(
     s_prev : ndarray of int64, shape (n, 3)
         s(k-1), positions 0 to 7.
     values : IntArray
-        `Registers.array()`, shape (43,).
+        `Registers.array()`, shape (44,).
     explorers : int
         Explorers of the core.
     variant : str

@@ -16,7 +16,7 @@ from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
-from directmpc.mpdcc.coefficients import registers
+from directmpc.mpdcc.coefficients import BUILT, registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.program import COEFFICIENTS
 from directmpc.mpdcc.trace import MpdccTrace
@@ -262,7 +262,7 @@ def any_registers(rng: np.random.Generator, variant: str = "paper") -> IntArray:
     Returns
     -------
     IntArray
-        Shape (43,), as `Registers.array()`.
+        Shape (44,), as `Registers.array()`.
     """
     high = 2 ** (f.COEFFICIENT_WIDTH - 1)
     # those of successors do not matter to a single level, and draw nothing from its sequence
@@ -281,6 +281,7 @@ def any_registers(rng: np.random.Generator, variant: str = "paper") -> IntArray:
             rng.choice([1, 63, rng.integers(1, 64)]),
             rng.integers(0, 4),
             *(0, 0, 0, 0, 0),
+            *[0] * len(BUILT),
         ],
         dtype=np.int64,
     )

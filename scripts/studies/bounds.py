@@ -151,7 +151,7 @@ def figures(drive: Drive, result: ClosedLoopResult) -> dict[str, float]:
     away = metrics.deviations(result)
     limit = drive.bounds
     return {
-        "fsw_hz": summary.switching.per_device_24_logical,
+        "fsw_hz": summary.switching.per_device,
         "thd_pct": 100 * summary.thd_mean,
         "deadlocks_pct": 100 * summary.deadlock_share,
         "vn_largest_pu": float(away[:, 3].max()),

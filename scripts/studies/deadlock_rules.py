@@ -108,7 +108,7 @@ def parameters(drive: Drive, rule: Rule) -> tuple[IntArray, Numbers]:
     Returns
     -------
     tuple of ndarray of int64 and Numbers
-        `Registers.array()`, shape (43,), and the rule in numbers.
+        `Registers.array()`, shape (44,), and the rule in numbers.
     """
     values = registers(drive, "fast")
     terminal = rule.lambda_ph * f.COST_UNIT / values.unit**2

@@ -200,9 +200,7 @@ def _run(
         "bound": setting.bound,
         "start": setting.start,
         "thd_pct": 100 * metrics.summarise(drive, result).thd_mean,
-        "fsw_hz": metrics.switching_frequency(
-            result.positions, drive.control.ts
-        ).per_device_24_logical,
+        "fsw_hz": metrics.switching_frequency(result.positions, drive.control.ts).per_device,
         "deadlock_pct": 100 * float(dead[searched].mean()) if searched.any() else 0.0,
         "vn_mean_in_deadlocks": (
             float(result.seen.x_inv[dead, 0].mean()) if dead.any() else float("nan")

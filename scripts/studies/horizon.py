@@ -122,7 +122,7 @@ def _run(base: Drive, setting: Setting, steps: int, shadow: bool = False) -> dic
         "speed": setting.speed,
         "start": setting.start,
         "thd_pct": 100 * summary.thd_mean,
-        "fsw_hz": switching.per_device_24_logical,
+        "fsw_hz": switching.per_device,
         "deadlock_pct": 100 * float(result.decisions.deadlock[searched].mean()),
         "held_pct": 100 * float((~searched).mean()),
         "excess_current": float(excess[:3].max()),

@@ -269,7 +269,7 @@ class Difference:
         second : Decisions
             Of its neighbour, on every row.
         register : NDArray[np.int64]
-            The first one's `Registers.array()`, shape (43,).
+            The first one's `Registers.array()`, shape (44,).
         trace : MpdccTrace
             The states, per unit.
         """

@@ -148,7 +148,7 @@ def loop(setting: Setting, steps: int = STEPS) -> dict[str, Any]:
     outside = np.any(np.abs(voltages) > drive.bounds[3:] + 0.002, axis=1)
     switching = metrics.switching_frequency(result.positions, drive.control.ts)
     figures = (
-        switching.per_device_24_logical,
+        switching.per_device,
         1000 * float(result.decisions.deadlock.mean()),
         float(metrics.bound_violations(result, drive.bounds)[:3].max()),
         100 * float(outside.mean()),

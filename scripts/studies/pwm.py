@@ -251,7 +251,7 @@ def run(setting: Setting, steps: int, periods: int) -> dict[str, float]:
     summary = metrics.summarise(drive, result)
     deviations = metrics.deviations(result)
     return {
-        "fsw_hz": summary.switching.per_device_24_logical,
+        "fsw_hz": summary.switching.per_device,
         "thd_pct": 100 * summary.thd_mean,
         "peak_vn": float(deviations[:, 3].max()),
         "peak_vph": float(deviations[:, 4:].max()),

@@ -177,7 +177,7 @@ def simulate(
         positions=positions,
         seconds=seconds,
         thd=float(np.sqrt(np.mean(distortion**2))),
-        fsw=switching.per_device_24_logical,
+        fsw=switching.per_device,
         peak_vn=float(np.abs(states[:, 4]).max()),
         peak_vph=float(np.abs(states[:, 5:] - vdc / 4).max()),
         missed=math.sqrt(missed / (3 * kept)),

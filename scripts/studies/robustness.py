@@ -316,7 +316,7 @@ def loop(setting: Setting, steps: int, drive: Drive | None = None) -> dict[str, 
     voltages[:, 1:] -= result.profile.vdc[:, None] / 4
     outside = np.any(np.abs(voltages) > drive.bounds[3:] + 0.002, axis=1)
     return asdict(setting) | {
-        "fsw_hz": switching.per_device_24_logical,
+        "fsw_hz": switching.per_device,
         "thd_pct": 100 * summary.thd_mean,
         "deadlocks_per_1000": 1000 * float(result.decisions.deadlock.mean()),
         "excess_current": float(excess[:3].max()),

@@ -175,7 +175,7 @@ def simulate(
     period = 2 * math.pi / abs(speed * drive.ts_pu)
     count = steps if steps is not None else math.ceil(PERIODS * period)
     profile = constant_profile(drive, OperatingPoint(speed), count)
-    state, positions = initial_conditions(profile)
+    state, positions = initial_conditions(profile, leg=drive.converter)
     iref = np.column_stack([profile.iref.real, profile.iref.imag])
     # who has the core decide for k + 1 has a decision take effect then
     delay = drive.control.delay_compensation
@@ -220,6 +220,7 @@ def simulate(
             decisions=decisions,
             shadow=ideal.run(drive, seen),
             profile=profile,
+            leg=drive.converter,
         ),
         differing=count_differences(decisions, _of_model(drive, variant, seen, applied)),
         seconds=seconds,
@@ -392,13 +393,13 @@ def outcome(run: Run) -> Table:
         distortion = f"{100 * summary.thd_mean:.2f} % (sampled every control step)"
     except ValueError:
         distortion = "not stated: less than one fundamental period"
-    switching = metrics.switching_frequency(result.positions, drive.control.ts)
+    switching = metrics.switching_frequency(result.positions, drive.control.ts, drive.converter)
     excess = metrics.bound_violations(result, drive.bounds)
     table.add_row("current THD", distortion)
     table.add_row(
         "switching frequency",
-        f"{switching.per_device_24_logical:.0f} Hz per device, 24 logical; "
-        f"{switching.per_device_36_physical:.0f} Hz, 36 physical",
+        f"{switching.per_device:.0f} Hz per device, 24 logical; "
+        f"{switching.per_physical_device:.0f} Hz, 36 physical",
     )
     table.add_row(
         "largest excess over the bound",

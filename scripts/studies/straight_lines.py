@@ -62,7 +62,7 @@ def _loops(drive: Drive, decide: Any, parameters: Any) -> list[ClosedLoopResult]
 def _figures(drive: Drive, loops: Sequence[ClosedLoopResult]) -> np.ndarray:
     """Switching frequency and THD of each loop, shape (loops, 2)."""
     found = [metrics.summarise(drive, one) for one in loops]
-    return np.array([(one.switching.per_device_24_logical, one.thd_mean) for one in found])
+    return np.array([(one.switching.per_device, one.thd_mean) for one in found])
 
 
 def _unlike(drive: Drive, loops: Sequence[ClosedLoopResult], run: Any) -> float:

@@ -30,7 +30,7 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.program import PROGRAMS
 from scripts.generate import core_shells
 from scripts.generate import mpdcc_package as vhdl_package
-from scripts.hdl import states
+from scripts.hdl import converter_package, states
 from tb.helpers import plain, plain_states
 
 
@@ -209,7 +209,7 @@ def test_the_generated_packages_are_up_to_date() -> None:
     constants = (rtl / "mpdcc" / "directmpc_constants.vhd").read_text(encoding="utf-8")
     assert constants == vhdl_package.text()
     leg = (rtl / "converter" / "anpc5l_leg.vhd").read_text(encoding="utf-8")
-    assert leg == vhdl_package.leg_text()
+    assert leg == converter_package.text()
     shell = (rtl / "mpdcc" / "mpdcc_core.vhd").read_text(encoding="utf-8")
     assert shell == core_shells.text(core_shells.MPDCC)
 

@@ -39,10 +39,10 @@ def test_indicative_figures_of_the_6_kv_drive(
     result = run(changed, steps=16000, settle=2000, seed=1)
     found = metrics.summarise(changed, result)
     assert 100 * found.thd_mean == pytest.approx(distortion, rel=0.05)
-    assert found.switching.per_device_24_logical == pytest.approx(logical, rel=0.15)
-    assert found.switching.per_device_36_physical == pytest.approx(physical, rel=0.15)
-    assert 300 < found.switching.per_fc_device < 530
-    assert 50 < found.switching.per_anpc_device < 70
+    assert found.switching.per_device == pytest.approx(logical, rel=0.15)
+    assert found.switching.per_physical_device == pytest.approx(physical, rel=0.15)
+    assert 300 < found.switching.by_group["cell"] < 530
+    assert 50 < found.switching.by_group["anpc"] < 70
     assert 0.06 < found.deadlock_share < 0.22
     assert found.violations[3] < 0.03
     assert found.violations[4:].max() < 0.04
@@ -60,7 +60,7 @@ def test_indicative_figures_of_the_verified_machine(
     changed = verified_drive.with_control(bound_current=bound, lambda_n=10.0)
     found = metrics.summarise(changed, run(changed, steps=16000, settle=2000, seed=1))
     assert 100 * found.thd_mean == pytest.approx(distortion, rel=0.05)
-    assert found.switching.per_device_24_logical == pytest.approx(logical, rel=0.15)
+    assert found.switching.per_device == pytest.approx(logical, rel=0.15)
 
 
 def test_longer_horizon_switches_less(drive: Drive) -> None:
@@ -68,7 +68,7 @@ def test_longer_horizon_switches_less(drive: Drive) -> None:
     for kind in ("SE", "SESE"):
         changed = drive.with_control(switching_horizon=kind)
         result = run(changed, steps=8000, settle=1000)
-        frequency[kind] = metrics.summarise(changed, result).switching.per_device_24_logical
+        frequency[kind] = metrics.summarise(changed, result).switching.per_device
     assert frequency["SESE"] < frequency["SE"]
 
 

@@ -109,7 +109,7 @@ def test_optional_key_and_integers_as_numbers(drives_folder: Path, tmp_path: Pat
         ("xm = 2.4915", f"xm = 1{'0' * 5000}", ["not a TOML file"]),
         ("vdc = 2.0", "vdc = 2.6", ["inverter.vdc", "1.5 to 2.5"]),
         ("xdc = 2.201", "xdc = 0.4", ["inverter.xdc", "0.5 to 10"]),
-        ('"anpc5l"', '"npc3l"', ["inverter.topology", '"npc3l"', '"anpc5l"']),
+        ('"anpc5l"', '"npc5l"', ["inverter.topology", '"npc5l"', '"anpc5l"']),
         ("ts = 50e-6", "ts = 50", ["control.ts", "50", "1.91e-05 to 0.0002005"]),
         ("ts = 50e-6", "ts = 0.0", ["control.ts", "0.006 to 0.063"]),
         ("ts = 50e-6", "ts = nan", ["control.ts", "0.006 to 0.063"]),

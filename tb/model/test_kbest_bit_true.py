@@ -290,7 +290,7 @@ def test_the_distortion_is_the_ideal_ones() -> None:
                         3000, settle=400, seed=seed, disturbance=0.0,
                     )  # fmt: skip
                     summary = metrics.summarise(drive, run)
-                    found.append(summary.switching.per_device_24_logical * summary.thd_mean)
+                    found.append(summary.switching.per_device * summary.thd_mean)
                     outside = metrics.deviations(run)[:, 3:] > drive.bounds[3:]
                     shares.append(outside.any(axis=1).mean())
                     assert (summary.violations[3:] < 0.03).all()

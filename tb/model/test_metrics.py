@@ -38,10 +38,10 @@ def test_switching_frequency_counts_turn_ons() -> None:
     positions = np.array([[2, 0, 7], [4, 0, 7], [4, 1, 7], [2, 1, 7], [2, 1, 7]])
     found = metrics.switching_frequency(positions, 50e-6)
     time = 4 * 50e-6
-    assert found.per_device_24_logical == pytest.approx((4 + 3) / (24 * time))
-    assert found.per_device_36_physical == pytest.approx((8 + 3) / (36 * time))
-    assert found.per_fc_device == pytest.approx(3 / (12 * time))
-    assert found.per_anpc_device == pytest.approx(4 / (12 * time))
+    assert found.per_device == pytest.approx((4 + 3) / (24 * time))
+    assert found.per_physical_device == pytest.approx((8 + 3) / (36 * time))
+    assert found.by_group["cell"] == pytest.approx(3 / (12 * time))
+    assert found.by_group["anpc"] == pytest.approx(4 / (12 * time))
 
 
 @pytest.mark.parametrize(

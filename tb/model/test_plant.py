@@ -68,7 +68,7 @@ def test_default_state_has_balanced_capacitors(drive: Drive) -> None:
 
 def test_stator_voltage(drive: Drive) -> None:
     state = Plant(drive).state
-    assert stator_voltage((7, 0, 0), state, 2.0) == pytest.approx(4 / 3)
+    assert stator_voltage(drive.converter, (7, 0, 0), state, 2.0) == pytest.approx(4 / 3)
 
 
 @pytest.mark.parametrize("bad", [(0, 0), (0, 0, 8), (0, -1, 0)])

@@ -103,12 +103,12 @@ def test_switchings_are_those_counted_by_hand() -> None:
     turned = metrics.switching_frequency(events, 1.0 / (len(events) - 1))
     # 40 half periods in a second, three phases, one turn-on of a flying-capacitor device each:
     # nothing crosses between the halves of the dc link
-    assert turned.per_fc_device == pytest.approx(40 * 3 / 12)
-    assert turned.per_anpc_device == 0.0
-    assert turned.per_device_24_logical == pytest.approx(40 * 3 / 24)
+    assert turned.by_group["cell"] == pytest.approx(40 * 3 / 12)
+    assert turned.by_group["anpc"] == 0.0
+    assert turned.per_device == pytest.approx(40 * 3 / 24)
     # with every crossing two turn-ons of the ANPC stage are added
     crossing = np.array([[4, 0, 0], [2, 0, 0], [4, 0, 0]])
-    assert metrics.switching_frequency(crossing, 0.5).per_anpc_device == pytest.approx(4 / 12)
+    assert metrics.switching_frequency(crossing, 0.5).by_group["anpc"] == pytest.approx(4 / 12)
 
 
 @pytest.mark.parametrize(

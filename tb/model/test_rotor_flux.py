@@ -29,7 +29,7 @@ def test_the_twin_follows_the_float_observer() -> None:
     for k in range(len(trace)):
         a, b, saturated = observer.step_words(observer.array(c), state, words[k], trace.s_prev[k])
         x = np.concatenate([trace.x_m[k], trace.x_inv[k]])
-        voltage = stator_voltage(trace.s_prev[k], x, trace.vdc[k])
+        voltage = stator_voltage(drive.converter, trace.s_prev[k], x, trace.vdc[k])
         flux, ideal = observer.step_ideal(
             drive.machine, drive.ts_pu, observer.CROSSOVER, ideal,
             complex(*trace.x_m[k, :2]), voltage, trace.omega_r[k],

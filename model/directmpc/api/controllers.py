@@ -13,7 +13,7 @@ from directmpc.kbest import ideal as kbest_ideal
 from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import ideal as mpdcc_ideal
 from directmpc.mpdcc.bit_true import common as mpdcc_words
-from directmpc.mpdcc.drive import Drive, FiveLevelDrive
+from directmpc.mpdcc.drive import Drive, FiveLevelDrive, only_default
 from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.trace import MpdccTrace
@@ -289,6 +289,7 @@ class RtlController:
         self.words: list[int] = []
         self._formats: tuple[Any, ...] = ()
         if isinstance(drive, Drive):
+            only_default(drive)
             given = VARIANTS[variant].registers(drive)
             name, parameters = "mpdcc_core" + "_paper" * (variant == "paper"), given.ports()
             self._given, self._places = given.array(), list(parameters)
@@ -478,8 +479,18 @@ def mpdcc_row(drive: Drive | KbestDrive | MptcDrive, state: MpdccState) -> Mpdcc
     -------
     MpdccTrace
         One row, per unit.
+
+    Raises
+    ------
+    StateError
+        If the converter has not got a position of the state.
     """
     vdc = drive.inverter.vdc if state.vdc is None else state.vdc
+    if isinstance(drive, FiveLevelDrive) and max(state.applied) >= drive.converter.positions:
+        raise StateError(
+            f"applied: got {tuple(state.applied)}; {drive.converter.name} has the positions 0 to "
+            f"{drive.converter.positions - 1}"
+        )
     return MpdccTrace(
         x_m=np.array([[state.current.real, state.current.imag, state.flux.real, state.flux.imag]]),
         x_inv=np.array([[state.v_n, *state.v_ph]]),

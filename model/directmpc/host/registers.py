@@ -26,7 +26,7 @@ from directmpc.api.drive_file import load_core_drive
 from directmpc.drive_tables import keys_of
 from directmpc.host.console import OneParagraphParser, reported
 from directmpc.mpdcc import coefficients, formats
-from directmpc.mpdcc.drive import Drive, Guard
+from directmpc.mpdcc.drive import Drive, Guard, only_default
 from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import cycles as mptc_cycles
 from directmpc.mptc import formats as mptc_formats
@@ -421,6 +421,7 @@ def values(
     saturated: list[str] = []
     words = guard_words(drive, clock, saturated)
     if isinstance(drive, Drive):
+        only_default(drive)
         from directmpc.mpdcc import capacitor_observer, leakage
         from directmpc.mpdcc import observer as rotor_flux_observer
 

@@ -18,7 +18,8 @@ from directmpc.fixed_point import rounded, saturate
 from directmpc.kbest import formats as f
 from directmpc.kbest.coefficients import registers
 from directmpc.kbest.drive import KbestDrive
-from directmpc.kbest.ideal import KEEP, NEIGHBOURS, SAME_POSITION, anpc_converter
+from directmpc.kbest.ideal import KEEP, NEIGHBOURS, SAME_POSITION, converter_of
+from directmpc.mpdcc import tables
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 
 IntArray = NDArray[np.int64]
@@ -70,7 +71,7 @@ class Tables(NamedTuple):
 
 
 def _anpc_tables() -> Tables:
-    table = anpc_converter(1.0, 1.0)
+    table = converter_of(tables.leg_of(tables.DEFAULT), 1.0, 1.0)
     whole = [
         # v_ph counts as its reference of a quarter of v_dc here
         4.0 * (table.dc + table.capacitor * table.capacitor_share),

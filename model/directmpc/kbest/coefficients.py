@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from directmpc.kbest import formats as f
 from directmpc.kbest.drive import KbestDrive
 from directmpc.loads.load import discretise
+from directmpc.mpdcc.drive import only_default
 from directmpc.mpdcc.formats import CURRENT, LINK_VOLTAGE, SPEED
 
 _ROOT = math.sqrt(3.0)
@@ -69,6 +70,7 @@ def registers(drive: KbestDrive) -> Registers:
     ValueError
         If a word cannot hold its value; the message names the drive file's key.
     """
+    only_default(drive)
     c, inverter, ts = drive.control, drive.inverter, drive.ts_pu
     load = drive.machine.matrices
     # what depends on the speed but little is taken at standstill; a12 is exact at 0 and 1 pu

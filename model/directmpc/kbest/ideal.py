@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from directmpc import converter as converters
 from directmpc.compiled import njit
 from directmpc.kbest.drive import KbestDrive
 from directmpc.loads.load import FloatArray, Matrices, discretise
-from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 
 IntArray = NDArray[np.int64]
@@ -113,33 +113,35 @@ class IdealParameters(NamedTuple):
     plan: IntArray
 
 
-def anpc_converter(xdc: float, xph: float) -> Converter:
-    """The five-level ANPC converter as a table.
+def converter_of(leg: converters.Converter, xdc: float, xph: float) -> Converter:
+    """A converter as a table of the search.
 
     Parameters
     ----------
+    leg : directmpc.converter.Converter
+        As its file describes it.
     xdc, xph : float
         Reactances of a dc-link capacitor and of a phase capacitor, per unit.
 
     Returns
     -------
     Converter
-        Of the tables of `mpdcc.inverter`.
+        Of the tables of `leg`.
     """
-    others = [[t for t in row if t != s] for s, row in enumerate(anpc.NEXT_POSITIONS)]
+    others = [[t for t in row if t != s] for s, row in enumerate(leg.next_positions)]
     neighbours = [row + row[-1:] * (NEIGHBOURS - len(row)) for row in others]
     return Converter(
-        dc=0.5 * anpc.HALF_DC,
-        neutral=anpc.NEUTRAL.astype(np.float64),
-        capacitor=anpc.CAPACITOR.astype(np.float64),
-        neutral_current=anpc.NEUTRAL_CURRENT.astype(np.float64),
-        capacitor_current=anpc.CAPACITOR_CURRENT.astype(np.float64),
-        capacitor_share=0.25,
+        dc=0.5 * leg.half_dc,
+        neutral=leg.neutral.astype(np.float64),
+        capacitor=leg.capacitor.astype(np.float64),
+        neutral_current=leg.neutral_current.astype(np.float64),
+        capacitor_current=leg.capacitor_current.astype(np.float64),
+        capacitor_share=leg.capacitor_share,
         xdc=float(xdc),
         xph=float(xph),
         count=np.array([len(row) for row in others], dtype=np.int64),
         neighbours=np.array(neighbours, dtype=np.int64),
-        weight=anpc.TRANSITION_WEIGHT.astype(np.float64),
+        weight=leg.transition_weight.astype(np.float64),
     )
 
 
@@ -160,7 +162,7 @@ def parameters_of(drive: KbestDrive, converter: Converter | None = None) -> Idea
     """
     c = drive.control
     if converter is None:
-        converter = anpc_converter(drive.inverter.xdc, drive.inverter.xph)
+        converter = converter_of(drive.converter, drive.inverter.xdc, drive.inverter.xph)
     stages = c.short_stages + c.long_stages
     return IdealParameters(
         ts=drive.ts_pu,

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from directmpc.compiled import njit
 from directmpc.fixed_point import encode_row, limits, rounded, saturate
-from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import tables
 from directmpc.mpdcc.drive import FiveLevelDrive
 from directmpc.mpdcc.formats import CAPACITOR_VOLTAGE, CURRENT, MEASUREMENTS, NEUTRAL_VOLTAGE
 from directmpc.mpdcc.trace import IntArray
@@ -60,8 +60,6 @@ SHIFTS: dict[str, str] = {
 _SHIFT = FRACTION - GUARD  # bits of a sum of products below a state's LSB
 _OFFSET = 2 ** (WORD_WIDTH - 1)  # of v_ph's words inside
 _HALF = 2 ** (GUARD - 1)
-_NEUTRAL = np.asarray(anpc.NEUTRAL_CURRENT, dtype=np.int64)
-_CAPACITOR = np.asarray(anpc.CAPACITOR_CURRENT, dtype=np.int64)
 
 #: State of the twin: v_ph a, b, c, v_n, last current alpha, beta, last positions a, b, c, and 1
 #: once there is something to predict from.
@@ -164,7 +162,7 @@ def step_words(coefficient, state, m, s, delayed):
     n, c = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
     for x in range(3):
         position = state[6 + x] if delayed else s[x]
-        n[x], c[x] = _NEUTRAL[position], _CAPACITOR[position]
+        n[x], c[x] = tables.NEUTRAL_CURRENT[position], tables.CAPACITOR_CURRENT[position]
     midpoint_alpha, midpoint_beta = coefficient[0], coefficient[1]
     phase_alpha, phase_beta = coefficient[2], coefficient[3]
     change = np.empty(4, dtype=np.int64)
@@ -245,6 +243,8 @@ class CapacitorFilter:
         Of ``array``.
     state : ndarray of int64, shape (10,)
         As of ``step_words``.
+    first_row : int
+        Of the converter in ``tables``.
     """
 
     def __init__(self, drive: FiveLevelDrive) -> None:
@@ -252,6 +252,7 @@ class CapacitorFilter:
         self.delayed = int(drive.control.delay_compensation)
         self.coefficient = array(coefficients(drive))
         self.state = np.zeros(STATE_WORDS, dtype=np.int64)
+        self.first_row = tables.base_of(drive.inverter.topology)
 
     def row(self, x: NDArray[np.float64], s: IntArray) -> None:
         """One step per unit, in place.
@@ -263,7 +264,7 @@ class CapacitorFilter:
         s : ndarray of int64, shape (3,)
             Positions applied from k-1 to k.
         """
-        step_row(self.coefficient, self.state, x, np.asarray(s, dtype=np.int64))
+        step_row(self.coefficient, self.state, x, np.asarray(s, dtype=np.int64) + self.first_row)
 
     def voltages(self, words: Sequence[int], s: Sequence[int]) -> list[float]:
         """One step on the words of the core's measurement ports.
@@ -282,7 +283,7 @@ class CapacitorFilter:
             v_n, v_ph_a, v_ph_b, v_ph_c, per unit.
         """
         m = np.array([words[n] for n in _PLACES], dtype=np.int64)
-        positions = np.array(s, dtype=np.int64)
+        positions = np.array(s, dtype=np.int64) + self.first_row
         found = step_words(self.coefficient, self.state, m, positions, self.delayed)
         return [float(word) / float(scale) for word, scale in zip(found, _SCALES[2:], strict=False)]
 
@@ -345,7 +346,7 @@ def step_ideal(
     if state is None:
         return measured
     mean = 0.5 * (state.currents + measured.currents)
-    n, c = _NEUTRAL[s], _CAPACITOR[s]
+    n, c = tables.NEUTRAL_CURRENT[s], tables.CAPACITOR_CURRENT[s]
     change = np.empty(4)
     change[0] = -(n @ mean) / (2.0 * drive.inverter.xdc)
     change[1:] = c * mean / drive.inverter.xph

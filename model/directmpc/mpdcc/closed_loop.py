@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.compiled import njit
+from directmpc.converter import Converter
 from directmpc.loads.load import FloatArray, Load, SteadyState
-from directmpc.mpdcc import ideal, leakage
-from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import ideal, leakage, tables
 from directmpc.mpdcc import observer as rotor_flux
 from directmpc.mpdcc.capacitor_observer import CapacitorFilter, step_row
 from directmpc.mpdcc.drive import FiveLevelDrive
@@ -29,6 +29,8 @@ from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 from directmpc.states import Controller, MpdccState, StateError, mpdcc_decision
 
 ComplexArray = NDArray[np.complex128]
+
+_USUAL = tables.leg_of(tables.DEFAULT)
 
 
 @dataclass(frozen=True)
@@ -237,6 +239,8 @@ class ClosedLoopResult:
         References and speeds of the recorded steps.
     theta : (n,) or None
         The estimate of the leakage where the loop has one.
+    leg : Converter
+        Whose positions they are.
     """
 
     ts: float
@@ -248,6 +252,7 @@ class ClosedLoopResult:
     shadow: Decisions | None
     profile: Profile
     theta: FloatArray | None = None
+    leg: Converter = _USUAL
 
     def __len__(self) -> int:
         return len(self.decisions)
@@ -315,6 +320,7 @@ def _loop(
     decide, parameters, shadow, shadow_parameters, use_shadow, plant, delay, compensate, predictor,
     omega_s, omega_r, vdc, iref, state, applied, states, positions, seen, seen_s, seen_iref, out,
     shadow_out, sensed, dead, rest, dead_time, filters, filtered, shown, estimators, adapt,
+    first_row,
 ):  # fmt: skip
     """Run the loop, compiled as a whole for speed; `drive_controller` takes any `Controller`.
 
@@ -325,21 +331,22 @@ def _loop(
     decided = applied.copy()
     for k in range(len(vdc)):
         states[k] = state
+        before = positions[k] + first_row
         if delay:
             # What was decided a step ago takes effect now; what is decided now, a step later.
             applied[:] = decided
         measure(sensed, k, state, x)
-        step_row(filters, filtered, x, positions[k])
+        step_row(filters, filtered, x, before)
         if estimators.use_flux and k >= estimators.flux_from:
             rotor_flux.step_row(
-                estimators.flux, estimators.flux_state, x, vdc[k], omega_r[k], positions[k]
+                estimators.flux, estimators.flux_state, x, vdc[k], omega_r[k], before
             )
         shown[k] = x
         if estimators.use_leakage:
             # the decision works with the estimate of the step before
             adapt(estimators.leakage_state[0] >> leakage.GUARD, estimators.given, parameters)
             word, _ = leakage.step_row(
-                estimators.leakage, estimators.leakage_state, x, vdc[k], omega_r[k], positions[k], 0
+                estimators.leakage, estimators.leakage_state, x, vdc[k], omega_r[k], before, 0
             )
             estimators.theta[k] = word
         reference[0], reference[1] = iref[k].real, iref[k].imag
@@ -437,15 +444,24 @@ def _no_shadow(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     return 0, 0, 0, 0, 0, 0, 0
 
 
-def _nearest_positions(voltage: complex, vdc: float) -> IntArray:
+def _nearest_positions(leg: Converter, voltage: complex, vdc: float) -> IntArray:
     """Positions whose levels come nearest to a stator voltage, the first of each level."""
     phases = [(voltage * cmath.exp(-2j * cmath.pi / 3 * x)).real for x in range(3)]
-    levels = np.clip(np.rint(np.array(phases) / (vdc / 4)), -2, 2).astype(np.int64)
-    return np.array([anpc.LEVEL.tolist().index(level) for level in levels.tolist()])
+    # halfway to the even one
+    wanted = np.rint(np.array(phases) / (vdc / 4) / _step(leg)) * _step(leg)
+    return np.array([int(np.argmin(abs(leg.level - quarters))) for quarters in wanted])
+
+
+def _step(leg: Converter) -> int:
+    """Distance of levels, quarters of v_dc."""
+    return int(np.diff(np.unique(leg.level)).min())
 
 
 def initial_conditions(
-    profile: Profile, rng: np.random.Generator | None = None, disturbance: float = 0.0
+    profile: Profile,
+    rng: np.random.Generator | None = None,
+    disturbance: float = 0.0,
+    leg: Converter | None = None,
 ) -> tuple[FloatArray, IntArray]:
     """Steady state in which a profile starts.
 
@@ -457,6 +473,8 @@ def initial_conditions(
         Source of the disturbance; without it there is none.
     disturbance : float
         Standard deviation of what is added to the currents and capacitor voltages, per unit.
+    leg : Converter, optional
+        Feeds the load; the usual one of a drive file if not given.
 
     Returns
     -------
@@ -469,11 +487,13 @@ def initial_conditions(
     turn = profile.iref[0] / start.i_s if start.i_s else 1.0  # without current any angle is right
     flux = start.psi_r * turn
     state = np.array([profile.iref[0].real, profile.iref[0].imag, flux.real, flux.imag] + [0.0] * 4)
-    state[5:] = profile.vdc[0] / 4
+    leg = leg or _USUAL
+    state[5:] = leg.capacitor_share * profile.vdc[0]
     if rng is not None:
         state[:2] += disturbance * rng.standard_normal(2)
-        state[4:] += disturbance * rng.standard_normal(4)
-    return state, _nearest_positions(start.v_s * turn, float(profile.vdc[0]))
+        there = [leg.neutral.any()] + [leg.capacitor.any()] * 3
+        state[4:] += disturbance * rng.standard_normal(4) * there
+    return state, _nearest_positions(leg, start.v_s * turn, float(profile.vdc[0]))
 
 
 def _per_unit(drive: FiveLevelDrive, errors: DriveErrors) -> float:
@@ -594,8 +614,10 @@ def simulate(
     else:
         profile = constant_profile(drive, point, total, rng.uniform(0.0, 2 * math.pi))
     real = plant_drive or drive
-    plant = plant_data(real.machine, real.inverter.xdc, real.inverter.xph, drive.ts_pu)
-    state, applied = initial_conditions(profile, rng, disturbance)
+    plant = plant_data(
+        real.machine, real.inverter.xdc, real.inverter.xph, drive.ts_pu, drive.converter
+    )
+    state, applied = initial_conditions(profile, rng, disturbance, drive.converter)
     dead, rest = split(plant, _per_unit(drive, errors))
 
     predictor = ideal.predictor_parameters(drive)
@@ -622,7 +644,7 @@ def simulate(
         omega_s, omega_r, vdc, iref, state, applied, states, positions,
         seen, seen_s, seen_iref, out, shadow_out, sensors(errors, total), dead, rest,
         errors.dead_time > 0.0, filters.coefficient, filters.state, shown,
-        estimators, leakage.scaled if leakage_estimate else _as_given,
+        estimators, leakage.scaled if leakage_estimate else _as_given, filters.first_row,
     )  # fmt: skip
 
     keep = slice(settle, total)
@@ -644,6 +666,7 @@ def simulate(
         shadow=Decisions.of_words(shadow_out[keep]) if shadow is not None else None,
         profile=Profile(profile.start, omega_s[keep], omega_r[keep], vdc[keep], iref[keep]),
         theta=estimators.theta[keep] / float(1 << leakage.FRACTION),
+        leg=drive.converter,
     )
 
 
@@ -702,7 +725,8 @@ def drive_controller(
         If an answer is no decision, or with `checked` a transition that the inverter does not have.
     """
     total = settle + steps
-    state, positions = initial_conditions(profile)
+    leg = drive.converter
+    state, positions = initial_conditions(profile, leg=leg)
     # the plant's machine and inverter, the controller's control period
     other = plant_drive or drive
     real = drive.changed(machine=asdict(other.machine), inverter=other.inverter.model_dump())
@@ -741,10 +765,10 @@ def drive_controller(
         )
         decision = mpdcc_decision(controller.decide(seen), k)
         for phase, old, new in zip("abc", before[k], decision.apply, strict=True):
-            if checked and anpc.COMMUTATIONS_ANPC[old, new] == anpc.INADMISSIBLE:
+            if checked and new not in leg.next_positions[old]:
                 raise StateError(
                     f"step {k}: decision: phase {phase} may not go from position {old} to {new}; "
-                    f"it may to {', '.join(map(str, anpc.NEXT_POSITIONS[old]))}"
+                    f"it may to {', '.join(map(str, leg.next_positions[old]))}"
                 )
         out[k] = (
             *decision.apply, decision.held, decision.deadlock, decision.length, decision.saturated,
@@ -782,4 +806,5 @@ def drive_controller(
         profile=Profile(
             profile.start, profile.omega_s[keep], profile.omega_r[keep], link[keep], iref
         ),
+        leg=leg,
     )

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.mpdcc import formats as f
+from directmpc.mpdcc import tables
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.extrapolation import choose_extrapolation
 from directmpc.mpdcc.parabola import FAR, fit_parabola
@@ -41,8 +42,14 @@ OPTIONS = (
     "two_switchings", "budget", "compensate", "deadlock_rule", "outside_inwards",
 )  # fmt: skip
 
+#: What the model knows besides the ports: the first row of the converter in ``tables``. The core is
+#: built with its tables.
+BUILT = ("first_row",)
+
 #: Place of every parameter in ``Registers.array()``.
-INDEX: dict[str, int] = {name: place for place, name in enumerate((*COEFFICIENTS, *OPTIONS))}
+INDEX: dict[str, int] = {
+    name: place for place, name in enumerate((*COEFFICIENTS, *OPTIONS, *BUILT))
+}
 
 #: Coefficients of the slopes and curvatures of the current, all proportional to 1/D: an estimate of
 #: the leakage scales them, see ``leakage``.
@@ -86,6 +93,8 @@ class Registers:
         L in steps that the correction p was fitted for; for reports only.
     correction : float
         p; for reports only.
+    converter : str
+        Whose tables the core has.
     """
 
     coefficients: dict[str, int]
@@ -102,6 +111,7 @@ class Registers:
     unit: float
     extrapolation: int
     correction: float
+    converter: str = tables.DEFAULT
 
     def ports(self) -> dict[str, int]:
         """Every parameter port of the core: name -> integer, in port order.
@@ -117,14 +127,15 @@ class Registers:
         }
 
     def array(self) -> NDArray[np.int64]:
-        """``ports`` as an array, for compiled code.
+        """``ports`` and ``BUILT`` as an array, for compiled code.
 
         Returns
         -------
         ndarray of int64
             Places of the names are in ``INDEX``.
         """
-        return np.array(list(self.ports().values()), dtype=np.int64)
+        built = tables.base_of(self.converter)
+        return np.array([*self.ports().values(), built], dtype=np.int64)
 
 
 def second_level(values: NDArray[np.int64]) -> bool:
@@ -217,8 +228,8 @@ def _per_unit(drive: Drive, real: dict[str, float]) -> dict[str, float]:
     forced = result.pop("forced") / 3.0 * 2.0**f.FORCED_FRACTION
     result |= {
         "error_alpha": _ERROR / f.CURRENT.scale,
-        "error_neutral": -_ERROR / f.NEUTRAL_VOLTAGE.scale,
-        "error_phase": _ERROR / (2.0 * f.CAPACITOR_VOLTAGE.scale),
+        "error_neutral": -_ERROR / f.NEUTRAL_VOLTAGE.scale * drive.converter.neutral.any(),
+        "error_phase": _ERROR / (2.0 * f.CAPACITOR_VOLTAGE.scale) * drive.converter.capacitor.any(),
         "forced_voltage": forced * _COARSE / f.CAPACITOR_VOLTAGE.scale,
         "forced_neutral": forced * _COARSE / f.NEUTRAL_VOLTAGE.scale,
         "phase_alpha": h / drive.inverter.xph * _FINE / f.CURRENT.scale,
@@ -260,7 +271,8 @@ def _rounded_bounds(
     """
     errors = (real[name] * unit for name in ("error_alpha", "error_neutral", "error_phase"))
     pairs = zip(bounds, errors, strict=True)
-    return [round(bound * unit * round(error) / error) for bound, error in pairs]
+    gains = ((bound, round(error) / error if error else 1.0) for bound, error in pairs)
+    return [round(bound * unit * gain) for bound, gain in gains]
 
 
 def _curvature_unit(drive: Drive) -> float:
@@ -427,6 +439,11 @@ def registers(drive: Drive, variant: str, room: float = 1.0) -> Registers:
         the message names the drive file's key.
     """
     refuse_unserved(drive, variant)
+    if drive.converter.capacitor_share not in (0.0, 0.25):
+        raise ValueError(
+            f'inverter.topology: got "{drive.converter.name}"; the cores and their models serve '
+            "phase capacitors at v_dc/4 alone"
+        )
     if drive.control.leakage_estimate:
         room = max(room, ROOM)
     exact = unrounded(drive, variant, room)
@@ -447,6 +464,7 @@ def registers(drive: Drive, variant: str, room: float = 1.0) -> Registers:
         unit=exact.unit,
         extrapolation=exact.extrapolation,
         correction=exact.correction,
+        converter=drive.inverter.topology,
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from directmpc.converter import Converter
 from directmpc.drive_tables import (
     AnyDrive,
     GuardTable,
@@ -24,6 +25,7 @@ from directmpc.drive_tables import (
     to_start,
 )
 from directmpc.loads import KINDS
+from directmpc.mpdcc import tables
 
 TS_PU_MIN = 0.006
 TS_PU_MAX = 0.063
@@ -39,9 +41,12 @@ class Base(Section):
 
 
 class Inverter(Section):
-    """Five-level ANPC inverter, per unit; xdc is one half of the dc-link."""
+    """A converter of `converters/`, per unit; xdc is one half of the dc-link.
 
-    topology: Literal["anpc5l"]
+    `xdc` has no effect without a neutral point, `xph` none without phase capacitors.
+    """
+
+    topology: Literal[tables.NAMES] = tables.DEFAULT  # type: ignore[valid-type]
     vdc: number(1.5, 2.5, "pu")
     xdc: number(0.5, 10.0, "pu")
     xph: number(0.5, 10.0, "pu")
@@ -129,6 +134,17 @@ class FiveLevelDrive(AnyDrive):
         return self
 
     @property
+    def converter(self) -> Converter:
+        """The converter that `inverter.topology` names.
+
+        Returns
+        -------
+        Converter
+            One of those that ship.
+        """
+        return tables.leg_of(self.inverter.topology)
+
+    @property
     def ts_pu(self) -> float:
         """Sampling interval in units of 1/(2 pi f_base).
 
@@ -138,6 +154,26 @@ class FiveLevelDrive(AnyDrive):
             Per unit: radians of the base frequency.
         """
         return 2 * math.pi * self.base.frequency * self.control.ts
+
+
+def only_default(drive: FiveLevelDrive) -> None:
+    """Refuse a drive whose converter is not the usual one, for what is built for that one alone.
+
+    Parameters
+    ----------
+    drive : FiveLevelDrive
+        Validated drive file.
+
+    Raises
+    ------
+    ValueError
+        Naming the drive file's key.
+    """
+    if drive.inverter.topology != tables.DEFAULT:
+        raise ValueError(
+            f'inverter.topology: got "{drive.inverter.topology}"; it must be "{tables.DEFAULT}" '
+            "here: ideal controllers, plant and mpdcc_core with its model serve others"
+        )
 
 
 class Drive(FiveLevelDrive):

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.compiled import njit
-from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.plant import PlantData, plant_step
 
 FloatArray = NDArray[np.float64]
@@ -222,7 +221,7 @@ def switched_step(dead, rest, state, before, after, omega_r, vdc):
             half = -0.5 * state[0] + (_SQRT3 / 2) * state[1] * (1.0 if x == 1 else -1.0)
             current = state[0] if x == 0 else half
             low, high = before[x], after[x]
-            if _voltage(low, x, state, vdc) > _voltage(high, x, state, vdc):
+            if _voltage(dead, low, x, state, vdc) > _voltage(dead, high, x, state, vdc):
                 low, high = high, low
             between[x] = low if current > 0.0 else high
     plant_step(dead, state, between, omega_r, vdc)
@@ -230,10 +229,10 @@ def switched_step(dead, rest, state, before, after, omega_r, vdc):
 
 
 @njit
-def _voltage(s, x, state, vdc):
+def _voltage(data, s, x, state, vdc):
     """Phase voltage of a position, per unit."""
-    level = 0.5 * vdc * anpc.HALF_DC[s] + anpc.NEUTRAL[s] * state[4]
-    return level + anpc.CAPACITOR[s] * state[5 + x]
+    level = vdc * data.half_dc[s] + data.neutral[s] * state[4]
+    return level + data.capacitor[s] * state[5 + x]
 
 
 def split(data: PlantData, dead_time: float) -> tuple[PlantData, PlantData]:

@@ -17,7 +17,6 @@ import numpy as np
 
 from directmpc.compiled import njit
 from directmpc.loads.load import FloatArray, Matrices, discretise
-from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.drive import Drive, FiveLevelDrive
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 
@@ -36,13 +35,14 @@ STILL = 1e-12
 class IdealParameters(NamedTuple):
     """All that `decide` needs to know about a drive, as numbers and arrays, per unit.
 
-    The arrays from `next_count` on are the tables of `inverter`; `bounds` has shape (7,).
+    The arrays from `next_count` on are the tables of the converter; `bounds` has shape (7,).
     """
 
     ts: float
     load: Matrices
     neutral_slope: float
     capacitor_slope: float
+    capacitor_share: float
     bounds: FloatArray
     lambda_n: float
     horizon: int
@@ -96,25 +96,27 @@ def predictor_parameters(drive: FiveLevelDrive) -> IdealParameters:
     IdealParameters
         Per unit; bounds and settings of the search say nothing.
     """
+    leg = drive.converter
     return IdealParameters(
         ts=drive.ts_pu,
         load=drive.machine.matrices,
         neutral_slope=-drive.ts_pu / (2.0 * drive.inverter.xdc),
         capacitor_slope=drive.ts_pu / drive.inverter.xph,
+        capacitor_share=leg.capacitor_share,
         bounds=np.zeros(7),
         lambda_n=0.0,
         horizon=1,
         two_switchings=False,
         weighted_deadlock=False,
         inwards=False,
-        next_count=anpc.NEXT_COUNT,
-        next_table=anpc.NEXT_TABLE,
-        half_dc=anpc.HALF_DC,
-        neutral=anpc.NEUTRAL,
-        capacitor=anpc.CAPACITOR,
-        neutral_current=anpc.NEUTRAL_CURRENT,
-        capacitor_current=anpc.CAPACITOR_CURRENT,
-        weight=anpc.TRANSITION_WEIGHT,
+        next_count=leg.next_count,
+        next_table=leg.next_table,
+        half_dc=leg.half_dc,
+        neutral=leg.neutral,
+        capacitor=leg.capacitor,
+        neutral_current=leg.neutral_current,
+        capacitor_current=leg.capacitor_current,
+        weight=leg.transition_weight,
     )
 
 
@@ -178,7 +180,7 @@ def inputs(p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, s_a, s_b, s_c):
 
 @njit
 def _inside(bounds, error, v_n, d_a, d_b, d_c):
-    """Whether every output is within its bound; d_x is the deviation of v_ph_x from v_dc/4."""
+    """Whether every output is within its bound; d_x is v_ph_x less its reference."""
     if not (abs(v_n) <= bounds[3] and abs(d_a) <= bounds[4]):
         return False
     if not (abs(d_b) <= bounds[5] and abs(d_c) <= bounds[6]):
@@ -329,14 +331,14 @@ def _first_step(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     )  # fmt: skip
     following = a11 * current + a12 * complex(x_m[2], x_m[3]) + b1 * voltage
     error = complex(iref[0], iref[1]) * cmath.exp(1j * omega_s * p.ts) - following
-    quarter = 0.25 * vdc
+    balanced = p.capacitor_share * vdc
     return _inside(
         p.bounds,
         error,
         x_inv[0] + r_n,
-        x_inv[1] - quarter + r_a,
-        x_inv[2] - quarter + r_b,
-        x_inv[3] - quarter + r_c,
+        x_inv[1] - balanced + r_a,
+        x_inv[2] - balanced + r_b,
+        x_inv[3] - balanced + r_c,
     )
 
 
@@ -366,7 +368,7 @@ def _search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, prune):
     current = complex(x_m[0], x_m[1])
     flux = complex(x_m[2], x_m[3])
     i_a, i_b, i_c = phases(current)
-    quarter = 0.25 * vdc
+    balanced = p.capacitor_share * vdc
     v_n, v_a, v_b, v_c = x_inv[0], x_inv[1], x_inv[2], x_inv[3]
     weight_a = p.weight[1 if i_a < 0.0 else 0, s_prev[0]]
     weight_b = p.weight[1 if i_b < 0.0 else 0, s_prev[1]]
@@ -393,7 +395,7 @@ def _search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, prune):
                 )
                 length = _extend(
                     p.bounds, p.inwards, n, natural, forced, reference, 0, voltage,
-                    v_n, v_a - quarter, v_b - quarter, v_c - quarter, r_n, r_a, r_b, r_c,
+                    v_n, v_a - balanced, v_b - balanced, v_c - balanced, r_n, r_a, r_b, r_c,
                 )  # fmt: skip
                 if length == 0:
                     if flat_length == 0:
@@ -402,9 +404,9 @@ def _search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, prune):
                             p.weighted_deadlock,
                             reference[1] - (natural[1] + forced[1] * voltage),
                             v_n + r_n,
-                            v_a - quarter + r_a,
-                            v_b - quarter + r_b,
-                            v_c - quarter + r_c,
+                            v_a - balanced + r_a,
+                            v_b - balanced + r_b,
+                            v_c - balanced + r_c,
                         )
                         if excess < dead:
                             dead, dead_second, dead_s = excess, dead, (s_a, s_b, s_c)
@@ -464,7 +466,7 @@ def _best_leaf(
     n = p.horizon
     _natural(a11, a12, a21, a22, current, flux, n, natural2)
     i_a, i_b, i_c = phases(current)
-    quarter = 0.25 * vdc
+    balanced = p.capacitor_share * vdc
     weight_a = p.weight[1 if i_a < 0.0 else 0, s_a]
     weight_b = p.weight[1 if i_b < 0.0 else 0, s_b]
     weight_c = p.weight[1 if i_c < 0.0 else 0, s_c]
@@ -483,7 +485,7 @@ def _best_leaf(
                 )
                 more = _extend(
                     p.bounds, p.inwards, n, natural2, forced, reference, length, voltage,
-                    v_n, v_a - quarter, v_b - quarter, v_c - quarter, r_n, r_a, r_b, r_c,
+                    v_n, v_a - balanced, v_b - balanced, v_c - balanced, r_n, r_a, r_b, r_c,
                 )  # fmt: skip
                 if more == 0:
                     continue
@@ -604,7 +606,7 @@ def candidates(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     current = complex(x_m[0], x_m[1])
     flux = complex(x_m[2], x_m[3])
     i_a, i_b, i_c = phases(current)
-    quarter = 0.25 * vdc
+    balanced = p.capacitor_share * vdc
     v_n, v_a, v_b, v_c = x_inv[0], x_inv[1], x_inv[2], x_inv[3]
     several = p.next_count[s_prev[0]] * p.next_count[s_prev[1]] * p.next_count[s_prev[2]]
     positions = np.empty((several, 3), np.int64)
@@ -628,7 +630,7 @@ def candidates(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
                 )
                 length = _extend(
                     p.bounds, p.inwards, n, natural, forced, reference, 0, voltage,
-                    v_n, v_a - quarter, v_b - quarter, v_c - quarter, r_n, r_a, r_b, r_c,
+                    v_n, v_a - balanced, v_b - balanced, v_c - balanced, r_n, r_a, r_b, r_c,
                 )  # fmt: skip
                 lengths[at] = length
                 if length == 0:
@@ -637,9 +639,9 @@ def candidates(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
                         p.weighted_deadlock,
                         reference[1] - (natural[1] + forced[1] * voltage),
                         v_n + r_n,
-                        v_a - quarter + r_a,
-                        v_b - quarter + r_b,
-                        v_c - quarter + r_c,
+                        v_a - balanced + r_a,
+                        v_b - balanced + r_b,
+                        v_c - balanced + r_c,
                     )
                 else:
                     v_n1 = v_n + length * r_n

@@ -75,33 +75,8 @@ PHYSICAL_DEVICES = LEG.physical_devices
 candidates = LEG.candidates
 """`directmpc.converter.Converter.candidates` of this one."""
 
-
-def phase_voltages(
-    s_abc: Sequence[int], v_dc: float, v_n: float, v_ph: Sequence[float]
-) -> NDArray[np.float64]:
-    """Form v_abc against the dc-link midpoint (Paper A, eq. 2).
-
-    Parameters
-    ----------
-    s_abc : sequence of int
-        Positions of phases a, b, c, 0..7.
-    v_dc, v_n : float
-        Voltages of dc link and neutral point, per unit.
-    v_ph : ndarray of float64, shape (3,)
-        Voltages of the phase capacitors, per unit.
-
-    Returns
-    -------
-    ndarray of float64, shape (3,)
-        Per unit.
-
-    Raises
-    ------
-    IndexError
-        If a position is above 7.
-    """
-    s = np.asarray(s_abc, dtype=np.int64)
-    return HALF_DC[s] * (v_dc / 2) + NEUTRAL[s] * v_n + CAPACITOR[s] * np.asarray(v_ph)
+phase_voltages = LEG.phase_voltages
+"""`directmpc.converter.Converter.phase_voltages` of this one."""
 
 
 def inverter_matrix(s_abc: Sequence[int], xdc: float, xph: float) -> NDArray[np.float64]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 
+from directmpc.converter import INADMISSIBLE, Converter
 from directmpc.distortion import thd
 from directmpc.loads.load import CLARKE_INVERSE, FloatArray
-from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import tables
 from directmpc.mpdcc.closed_loop import ClosedLoopResult
 from directmpc.mpdcc.drive import FiveLevelDrive
 from directmpc.mpdcc.trace import IntArray
@@ -20,18 +22,17 @@ class SwitchingFrequency:
 
     Attributes
     ----------
-    per_device_24_logical
-        Over the 24 logical devices of three legs.
-    per_device_36_physical
-        Over the 36 physical devices: each of the 12 ANPC devices is two in series.
-    per_fc_device, per_anpc_device
-        Over the 12 flying-capacitor devices and over the 12 logical ANPC devices.
+    per_device
+        Over the switches of three legs: 24 of a five-level ANPC converter.
+    per_physical_device
+        Over their devices, those in series counted each: 36 of that converter.
+    by_group
+        Over the switches of each group that the converter's file has, by its name.
     """
 
-    per_device_24_logical: float
-    per_device_36_physical: float
-    per_fc_device: float
-    per_anpc_device: float
+    per_device: float
+    per_physical_device: float
+    by_group: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -63,15 +64,19 @@ class Summary:
     deadlock_share: float
 
 
-def switching_frequency(positions: IntArray, ts: float) -> SwitchingFrequency:
+def switching_frequency(
+    positions: IntArray, ts: float, leg: Converter | None = None
+) -> SwitchingFrequency:
     """Average switching frequency of a sequence of positions.
 
     Parameters
     ----------
     positions : ndarray of int64, shape (n + 1, 3)
-        Positions before the first step and during each of n steps, 0..7.
+        Positions before the first step and during each of n steps.
     ts : float
         Sampling interval in seconds.
+    leg : Converter, optional
+        Whose positions they are; the usual one of a drive file if not given.
 
     Returns
     -------
@@ -83,20 +88,28 @@ def switching_frequency(positions: IntArray, ts: float) -> SwitchingFrequency:
     ValueError
         If the sequence is shorter than one step or holds a transition the graph does not have.
     """
+    leg = leg or tables.leg_of(tables.DEFAULT)
     before, after = positions[:-1], positions[1:]
     if not len(after):
         raise ValueError("at least one step is needed")
-    stage, cell = anpc.COMMUTATIONS_ANPC[before, after], anpc.COMMUTATIONS_FC[before, after]
-    if np.any(stage == anpc.INADMISSIBLE):
-        step = int(np.argmax(np.any(stage == anpc.INADMISSIBLE, axis=1)))
+    steps = leg.turn_ons()[before, after]
+    if np.any(steps == INADMISSIBLE):
+        step = int(np.argmax(np.any(steps == INADMISSIBLE, axis=1)))
         raise ValueError(f"inadmissible transition {before[step]} to {after[step]} in step {step}")
     time = len(after) * ts
-    n_stage, n_cell = int(stage.sum()), int(cell.sum())
+    # switches and turn-ons of each kind: by group, and by devices in series
+    kinds = Counter((switch.group, switch.devices) for switch in leg.switches)
+    turned = {kind: int(leg.turn_ons(*kind)[before, after].sum()) for kind in kinds}
+    groups = Counter(switch.group for switch in leg.switches)
     return SwitchingFrequency(
-        per_device_24_logical=(n_stage + n_cell) / (anpc.LOGICAL_DEVICES * time),
-        per_device_36_physical=(2 * n_stage + n_cell) / (anpc.PHYSICAL_DEVICES * time),
-        per_fc_device=n_cell / (12 * time),
-        per_anpc_device=n_stage / (12 * time),
+        per_device=sum(turned.values()) / (leg.logical_devices * time),
+        per_physical_device=sum(n * count for (_, n), count in turned.items())
+        / (leg.physical_devices * time),
+        by_group={
+            name: sum(count for kind, count in turned.items() if kind[0] == name)
+            / (3 * size * time)
+            for name, size in groups.items()
+        },
     )
 
 
@@ -117,7 +130,7 @@ def deviations(result: ClosedLoopResult) -> FloatArray:
     reference = np.column_stack([result.profile.iref.real, result.profile.iref.imag])
     currents = (reference - result.state[:n, :2]) @ CLARKE_INVERSE.T
     neutral = result.state[:n, 4:5]
-    capacitors = result.state[:n, 5:] - result.profile.vdc[:, None] / 4
+    capacitors = result.state[:n, 5:] - result.leg.capacitor_share * result.profile.vdc[:, None]
     return np.abs(np.hstack([currents, neutral, capacitors]))
 
 
@@ -168,7 +181,7 @@ def summarise(drive: FiveLevelDrive, result: ClosedLoopResult) -> Summary:
     return Summary(
         thd=distortion,
         thd_mean=float(np.sqrt(np.mean(distortion**2))),
-        switching=switching_frequency(result.positions, drive.control.ts),
+        switching=switching_frequency(result.positions, drive.control.ts, drive.converter),
         violations=bound_violations(result, drive.bounds),
         held_share=float(result.decisions.held.mean()),
         deadlock_share=int(result.decisions.deadlock.sum()) / searches if searches else 0.0,

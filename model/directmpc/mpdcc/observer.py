@@ -32,7 +32,7 @@ from directmpc.compiled import njit
 from directmpc.fixed_point import encode_row, limits, rounded
 from directmpc.loads.induction import InductionMachine
 from directmpc.loads.load import Load
-from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import tables
 from directmpc.mpdcc.drive import FiveLevelDrive
 from directmpc.mpdcc.formats import (
     CAPACITOR_VOLTAGE,
@@ -168,9 +168,6 @@ _STATE_SHIFT = FINE - GUARD
 _ALIGN_MIDDLE, _ALIGN_COARSE, _ALIGN_WHOLE = FINE - MIDDLE, FINE - COARSE, FINE - WHOLE
 _PORT_SHIFT = FINE + 2
 _PORT_WIDTH = FLUX.width
-_HALF_DC = np.asarray(anpc.HALF_DC, dtype=np.int64)
-_NEUTRAL = np.asarray(anpc.NEUTRAL, dtype=np.int64)
-_CAPACITOR = np.asarray(anpc.CAPACITOR, dtype=np.int64)
 
 
 @njit
@@ -193,7 +190,8 @@ def voltages(m, s):
     """
     v = np.empty(3, dtype=np.int64)
     for x in range(3):
-        v[x] = 2 * _HALF_DC[s[x]] * m[6] + _NEUTRAL[s[x]] * m[2] + 2 * _CAPACITOR[s[x]] * m[3 + x]
+        link = 2 * tables.HALF_DC[s[x]] * m[6]
+        v[x] = link + tables.NEUTRAL[s[x]] * m[2] + 2 * tables.CAPACITOR[s[x]] * m[3 + x]
     v_a, o0 = rounded(2 * v[0] - v[1] - v[2], 2, WORD_WIDTH)
     v_b, o1 = rounded(v[1] - v[2], 2, WORD_WIDTH)
     return v_a, v_b, o0 | o1
@@ -323,12 +321,15 @@ class FluxObserver:
     ----------
     coefficient, state : ndarray of int64
         As of ``step_words``.
+    first_row : int
+        Of the converter in ``tables``.
     """
 
     def __init__(self, drive: FiveLevelDrive, current: complex, flux: complex) -> None:
         words, _ = coefficients(drive)
         self.coefficient = array(words)
         self.state = state_of(drive.machine, current, flux)
+        self.first_row = tables.base_of(drive.inverter.topology)
 
     def row(self, x: NDArray[np.float64], vdc: float, omega_r: float, s: IntArray) -> None:
         """One step per unit, in place.
@@ -342,7 +343,8 @@ class FluxObserver:
         s : ndarray of int64, shape (3,)
             Positions applied until now.
         """
-        step_row(self.coefficient, self.state, x, vdc, omega_r, np.asarray(s, dtype=np.int64))
+        row = np.asarray(s, dtype=np.int64) + self.first_row
+        step_row(self.coefficient, self.state, x, vdc, omega_r, row)
 
     def rows(
         self,

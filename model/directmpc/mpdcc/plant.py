@@ -21,12 +21,13 @@ from typing import NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
+from directmpc.converter import MAX_POSITIONS, Converter
 from directmpc.loads.load import CLARKE, CLARKE_INVERSE, FloatArray, Load
-from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import tables
 from directmpc.mpdcc.drive import FiveLevelDrive
 
 STATES = 8
-POSITIONS_ABC = anpc.POSITIONS**3
+POSITIONS_ABC = MAX_POSITIONS**3
 
 
 class PlantData(NamedTuple):
@@ -60,7 +61,9 @@ class PlantData(NamedTuple):
     speeds: FloatArray
 
 
-def plant_data(load: Load, xdc: float, xph: float, ts: float) -> PlantData:
+def plant_data(
+    load: Load, xdc: float, xph: float, ts: float, leg: Converter | None = None
+) -> PlantData:
     """Build the plant's data from its own parameters (Paper A, eqs. 1, 2 and 4).
 
     Parameters
@@ -71,12 +74,15 @@ def plant_data(load: Load, xdc: float, xph: float, ts: float) -> PlantData:
         Reactances of a dc-link capacitor and of a phase capacitor, per unit.
     ts : float
         Control period, per unit.
+    leg : Converter, optional
+        Feeds the load; the usual one of a drive file if not given.
 
     Returns
     -------
     PlantData
         With an empty cache of discretised steps.
     """
+    leg = leg or tables.leg_of(tables.DEFAULT)
     return PlantData(
         ts=float(ts),
         load=load.a0,
@@ -85,11 +91,11 @@ def plant_data(load: Load, xdc: float, xph: float, ts: float) -> PlantData:
         currents=np.ascontiguousarray(CLARKE_INVERSE),
         xdc=float(xdc),
         xph=float(xph),
-        half_dc=anpc.HALF_DC / 2.0,
-        neutral=anpc.NEUTRAL.astype(np.float64),
-        capacitor=anpc.CAPACITOR.astype(np.float64),
-        neutral_current=anpc.NEUTRAL_CURRENT.astype(np.float64),
-        capacitor_current=anpc.CAPACITOR_CURRENT.astype(np.float64),
+        half_dc=leg.half_dc / 2.0,
+        neutral=leg.neutral.astype(np.float64),
+        capacitor=leg.capacitor.astype(np.float64),
+        neutral_current=leg.neutral_current.astype(np.float64),
+        capacitor_current=leg.capacitor_current.astype(np.float64),
         steps=np.zeros((POSITIONS_ABC, STATES, STATES + 1)),
         speeds=np.full(POSITIONS_ABC, np.nan),
     )
@@ -231,7 +237,7 @@ class Plant:
     vdc : float, optional
         dc-link voltage, per unit; the drive's if not given.
     state : ndarray of float64, shape (8,), optional
-        State to start from; all zero but v_ph = v_dc/4 if not given.
+        State to start from; all zero but balanced phase capacitors if not given.
 
     Attributes
     ----------
@@ -239,6 +245,8 @@ class Plant:
         [i_alpha, i_beta, psi_alpha, psi_beta, v_n, v_ph_a, v_ph_b, v_ph_c], per unit.
     data : PlantData
         The same plant for compiled code.
+    leg : Converter
+        Feeds the load.
     """
 
     def __init__(
@@ -249,12 +257,13 @@ class Plant:
         state: Sequence[float] | FloatArray | None = None,
     ) -> None:
         inverter = drive.inverter
-        self.data = plant_data(drive.machine, inverter.xdc, inverter.xph, drive.ts_pu)
+        self.leg = drive.converter
+        self.data = plant_data(drive.machine, inverter.xdc, inverter.xph, drive.ts_pu, self.leg)
         self.omega_r = float(omega_r)
         self.vdc = float(drive.inverter.vdc if vdc is None else vdc)
         if state is None:
             self.state = np.zeros(STATES)
-            self.state[5:] = self.vdc / 4
+            self.state[5:] = self.leg.capacitor_share * self.vdc
         else:
             self.state = np.array(state, dtype=np.float64)
         if self.state.shape != (STATES,):
@@ -306,22 +315,26 @@ class Plant:
         Raises
         ------
         ValueError
-            If there are not three positions 0..7.
+            If there are not three positions of the converter.
         """
         s = np.asarray(s_abc, dtype=np.int64)
-        if s.shape != (3,) or s.min() < 0 or s.max() >= anpc.POSITIONS:
-            raise ValueError(f"three switch positions 0..7 are needed, got {tuple(s_abc)}")
+        if s.shape != (3,) or s.min() < 0 or s.max() >= self.leg.positions:
+            raise ValueError(
+                f"three switch positions 0..{self.leg.positions - 1} are needed, got {tuple(s_abc)}"
+            )
         plant_step(self.data, self.state, s, self.omega_r, self.vdc)
         return self.state
 
 
-def stator_voltage(s_abc: Sequence[int], state: FloatArray, vdc: float) -> complex:
+def stator_voltage(leg: Converter, s_abc: Sequence[int], state: FloatArray, vdc: float) -> complex:
     """Stator voltage vector of a position at a state (Paper A, eqs. 1 and 2).
 
     Parameters
     ----------
+    leg : Converter
+        Whose positions they are.
     s_abc : sequence of int
-        Positions of phases a, b, c, 0..7.
+        Positions of phases a, b, c.
     state : ndarray of float64, shape (8,)
         As in `Plant`, per unit.
     vdc : float
@@ -332,5 +345,5 @@ def stator_voltage(s_abc: Sequence[int], state: FloatArray, vdc: float) -> compl
     complex
         alpha + j*beta, per unit.
     """
-    alpha, beta = CLARKE @ anpc.phase_voltages(s_abc, vdc, state[4], state[5:])
+    alpha, beta = CLARKE @ leg.phase_voltages(s_abc, vdc, state[4], state[5:])
     return complex(alpha, beta)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -191,7 +191,9 @@ def read_trace(path: PathLike, drive: FiveLevelDrive) -> MpdccTrace:
     TraceError
         If anything is malformed: file, line (the header is line 1), column, what is allowed.
     """
-    table = read_table(path, _TRACE_COLUMNS)
+    highest = drive.converter.positions - 1
+    columns = [replace(c, high=highest) if c in _POSITIONS else c for c in _TRACE_COLUMNS]
+    table = read_table(path, columns)
     omega_s = floats(table, ["omega_s"])[:, 0]
     if "v_dc" in table:
         vdc = floats(table, ["v_dc"])[:, 0]

@@ -15,7 +15,7 @@ import numpy as np
 
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import fast
-from directmpc.mpdcc.coefficients import INDEX
+from directmpc.mpdcc.coefficients import BUILT, INDEX
 from directmpc.mptc import bit_true_sequences, drive_twin
 from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import formats as mptc_formats
@@ -28,7 +28,9 @@ from scripts.shared.tools import Generics, ToolError
 from scripts.studies.coverage import boards
 from scripts.studies.torture import blocks
 
-HOLD = (*(f"c_{name}" if place < 33 else name for name, place in INDEX.items()),)
+HOLD = (
+    *(f"c_{name}" if place < 33 else name for name, place in INDEX.items() if name not in BUILT),
+)
 FAST: Generics = {
     "EXPLORERS": 2,
     "FOLDED": False,

@@ -192,7 +192,7 @@ def decide_netlist(
     s_prev : IntArray
         s(k-1), positions 0 to 7, shape (n, 3).
     registers : IntArray
-        `Registers.array()`, shape (43,).
+        `Registers.array()`, shape (44,).
 
     Returns
     -------
@@ -229,7 +229,7 @@ def verify(variant: str, seen: MpdccTrace, model: Decisions, registers: IntArray
     model : Decisions
         The model's decisions on them.
     registers : IntArray
-        `Registers.array()`, shape (43,).
+        `Registers.array()`, shape (44,).
 
     Returns
     -------

@@ -109,7 +109,7 @@ def _run(point: Point, name: str, block: int, starts: int, steps: int) -> Row:
             seed=seed,
         )  # fmt: skip
         summary = metrics.summarise(drive, result)
-        found["fsw_hz"].append(summary.switching.per_device_24_logical)
+        found["fsw_hz"].append(summary.switching.per_device)
         found["thd_pct"].append(100 * summary.thd_mean)
         found["deadlocks_pct"].append(100 * float(result.decisions.deadlock.mean()))
         searches = (result.decisions.held == 0) & (result.decisions.deadlock == 0)

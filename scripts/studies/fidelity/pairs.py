@@ -57,9 +57,7 @@ def measure(drive: Drive, variant: str, omega_s: float, name: str, swept: str) -
         exact = closed_loop.simulate(drive, ideal.decide, reference, point, STEPS, **options)
         counts.append(ours.shadow_count())
         both = [metrics.summarise(drive, run) for run in (exact, ours)]
-        figures.append(
-            [x for s in both for x in (s.switching.per_device_24_logical, 100 * s.thd_mean)]
-        )
+        figures.append([x for s in both for x in (s.switching.per_device, 100 * s.thd_mean)])
     mean = np.mean(figures, axis=0)
     error = np.std(figures, axis=0, ddof=1) / math.sqrt(SEEDS)
     row: dict[str, Any] = {

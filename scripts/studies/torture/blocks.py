@@ -308,7 +308,7 @@ def twin_of_mpdcc(register: IntArray, measurements: IntArray, s_prev: IntArray) 
 
     Parameters
     ----------
-    register : ndarray of int64, shape (43,)
+    register : ndarray of int64, shape (44,)
         ``Registers.array()``.
     measurements : ndarray of int64, shape (n, 13)
         Words.

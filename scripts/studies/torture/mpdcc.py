@@ -303,7 +303,7 @@ def decide(register: IntArray, measurements: IntArray, s_prev: IntArray) -> Deci
 
     Parameters
     ----------
-    register : ndarray of int64, shape (43,)
+    register : ndarray of int64, shape (44,)
         ``Registers.array()`` of the fast variant with one switching.
     measurements : ndarray of int64, shape (n, 13)
         In the order of ``formats.MEASUREMENTS``.

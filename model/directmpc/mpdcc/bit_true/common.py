@@ -15,7 +15,7 @@ from directmpc import fixed_point
 from directmpc.compiled import njit
 from directmpc.fixed_point import rounded, saturate
 from directmpc.mpdcc import formats as f
-from directmpc.mpdcc import inverter
+from directmpc.mpdcc import tables
 from directmpc.mpdcc.coefficients import INDEX
 from directmpc.mpdcc.program import (
     COEFFICIENTS,
@@ -298,7 +298,7 @@ def slopes(s, slope, forced, phase, midpoint, out):
     Parameters
     ----------
     s : ndarray of int64, shape (3,)
-        Positions of phases a, b, c, 0..7.
+        Rows of the positions of phases a, b, c in ``tables``.
     slope, forced, phase, midpoint : ndarray of int64
         Of the ``Node``: trajectory units per step, `forced` with two extra fractional bits.
     out : ndarray of int64, shape (7,)
@@ -309,12 +309,12 @@ def slopes(s, slope, forced, phase, midpoint, out):
     for x in range(3):
         p = s[x]
         u[x] = (
-            inverter.HALF_DC[p] * forced[0]
-            + inverter.NEUTRAL[p] * forced[1]
-            + inverter.CAPACITOR[p] * forced[2 + x]
+            tables.HALF_DC[p] * forced[0]
+            + tables.NEUTRAL[p] * forced[1]
+            + tables.CAPACITOR[p] * forced[2 + x]
         )
-        neutral += inverter.NEUTRAL_CURRENT[p] * midpoint[x]
-        out[4 + x] = -inverter.CAPACITOR_CURRENT[p] * phase[x]
+        neutral += tables.NEUTRAL_CURRENT[p] * midpoint[x]
+        out[4 + x] = -tables.CAPACITOR_CURRENT[p] * phase[x]
     for x in range(3):
         difference = 2 * u[x] - u[(x + 1) % 3] - u[(x + 2) % 3]
         out[x] = slope[x] - ((difference + _FORCED_HALF) >> f.FORCED_FRACTION)
@@ -328,7 +328,7 @@ def effort_of(s_prev, s, phase):
     Parameters
     ----------
     s_prev, s : ndarray of int64, shape (3,)
-        Positions before and after it.
+        Rows of the positions before and after it.
     phase : ndarray of int64, shape (3,)
         Of the ``Node``: its sign is the opposite of that of the phase current.
 
@@ -339,7 +339,7 @@ def effort_of(s_prev, s, phase):
     """
     effort = 0
     for x in range(3):
-        effort += inverter.TRANSITION_WEIGHT[1 if phase[x] < 0 else 0, s_prev[x], s[x]]
+        effort += tables.TRANSITION_WEIGHT[1 if phase[x] < 0 else 0, s_prev[x], s[x]]
     return effort
 
 

@@ -34,9 +34,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.compiled import njit
+from directmpc.converter import MAX_NEXT
 from directmpc.fixed_point import rounded, saturate
 from directmpc.mpdcc import formats as f
-from directmpc.mpdcc import inverter
+from directmpc.mpdcc import tables
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true.common import (
     FAST_PROGRAM,
@@ -60,6 +61,7 @@ _CHANGE_PHASE = INDEX["change_phase"]
 _CHANGE_MIDPOINT = INDEX["change_midpoint"]
 _CHANGE_WEIGHT = INDEX["change_weight"]
 _ERROR_FORCED = INDEX["error_forced"]
+_FIRST_ROW = INDEX["first_row"]
 _REFERENCE_ALPHA = INDEX["reference_alpha"]
 _REFERENCE_BETA = INDEX["reference_beta"]
 _REFERENCE_SPEED_ALPHA = PRODUCTS.index("reference_speed_alpha")
@@ -69,7 +71,7 @@ _REACH = 2**f.MARGIN_WIDTH  # steps of the search beyond this are outside any ba
 #: Efforts are below this.
 _EFFORTS = 2**f.EFFORT_WIDTH
 #: Candidates of a level, at most.
-CANDIDATES = inverter.MAX_NEXT**3
+CANDIDATES = MAX_NEXT**3
 
 
 class Rule(NamedTuple):
@@ -161,10 +163,10 @@ def _neutral_slope(s, shares):
     """Slope of v_n as `share_of`, but two phases make the opposite of the third's exactly."""
     hanging = 0
     for x in range(3):
-        hanging += inverter.NEUTRAL_CURRENT[s[x]]
+        hanging += tables.NEUTRAL_CURRENT[s[x]]
     alone = 1 if hanging == 1 else 0
     for x in range(3):
-        if hanging in (1, 2) and inverter.NEUTRAL_CURRENT[s[x]] == alone:
+        if hanging in (1, 2) and tables.NEUTRAL_CURRENT[s[x]] == alone:
             return shares[x] if alone else -shares[x]
     return 0
 
@@ -188,7 +190,7 @@ def successor(register, reference, t, start_slope, s, steps):
     start_slope : ndarray of int64, shape (2,)
         Slopes of its current errors a and b under s, see `has_successors`.
     s : ndarray of int64, shape (3,)
-        Positions of phases a, b, c, 0..7, that lead to it.
+        Rows of the positions of phases a, b, c that lead to it.
     steps : int
         1..63.
 
@@ -225,7 +227,7 @@ def successor(register, reference, t, start_slope, s, steps):
     phase = phases(t[13], t[14])
     neutral = _neutral_slope(s, phases(t[15], t[16]))
     for x in range(3):
-        out[3 + x] = t[3 + x] - inverter.CAPACITOR_CURRENT[s[x]] * phase[x] * steps
+        out[3 + x] = t[3 + x] - tables.CAPACITOR_CURRENT[s[x]] * phase[x] * steps
         out[10 + x], _ = rounded(
             ((t[8] >> 2) << 14) + out[3 + x] * error_forced, 13, f.FORCED_WIDTH
         )
@@ -314,7 +316,7 @@ def share_of(s, shares):
     Parameters
     ----------
     s : ndarray of int64, shape (3,)
-        Positions of phases a, b, c, 0..7.
+        Rows of the positions of phases a, b, c in ``tables``.
     shares : ndarray of int64, shape (3,)
         ``Node.midpoint`` or ``Node.weight_slope``.
 
@@ -326,14 +328,14 @@ def share_of(s, shares):
     hanging = 0
     total = 0
     for x in range(3):
-        hanging += inverter.NEUTRAL_CURRENT[s[x]]
+        hanging += tables.NEUTRAL_CURRENT[s[x]]
     if hanging == 1:
         for x in range(3):
-            if inverter.NEUTRAL_CURRENT[s[x]] == 1:
+            if tables.NEUTRAL_CURRENT[s[x]] == 1:
                 total = shares[x]
     elif hanging == 2:
         for x in range(3):
-            if inverter.NEUTRAL_CURRENT[s[x]] == 0:
+            if tables.NEUTRAL_CURRENT[s[x]] == 0:
                 total = -shares[x] - 1
     return total
 
@@ -345,7 +347,7 @@ def slopes(s, slope, forced, phase, midpoint, out):
     Parameters
     ----------
     s : ndarray of int64, shape (3,)
-        Positions of phases a, b, c, 0..7.
+        Rows of the positions of phases a, b, c in ``tables``.
     slope, forced, phase, midpoint : ndarray of int64
         Of the ``Node`` of ``node_of``.
     out : ndarray of int64, shape (7,)
@@ -421,8 +423,8 @@ def _still(s, error, back, moving):
     moving[:] = error
     hanging = 0
     for x in range(3):
-        hanging += inverter.NEUTRAL_CURRENT[s[x]]
-        if inverter.CAPACITOR_CURRENT[s[x]] == 0 and back[4 + x]:
+        hanging += tables.NEUTRAL_CURRENT[s[x]]
+        if tables.CAPACITOR_CURRENT[s[x]] == 0 and back[4 + x]:
             moving[4 + x] = 0
     if hanging == 0 and back[3]:
         moving[3] = 0
@@ -684,12 +686,12 @@ def _best_leaf(length_of, surcharge, rule, t, root, s1, effort1, steps, o):
         back[j] = not o.outside_inwards or min(abs(root[j]), abs(error[j])) <= bound[j]
     s = np.empty(3, dtype=np.int64)
     best, best_clipped = -1, False
-    for ia in range(inverter.NEXT_COUNT[s1[0]]):
-        s[0] = inverter.NEXT_TABLE[s1[0], ia]
-        for ib in range(inverter.NEXT_COUNT[s1[1]]):
-            s[1] = inverter.NEXT_TABLE[s1[1], ib]
-            for ic in range(inverter.NEXT_COUNT[s1[2]]):
-                s[2] = inverter.NEXT_TABLE[s1[2], ic]
+    for ia in range(tables.NEXT_COUNT[s1[0]]):
+        s[0] = tables.NEXT_TABLE[s1[0], ia]
+        for ib in range(tables.NEXT_COUNT[s1[1]]):
+            s[1] = tables.NEXT_TABLE[s1[1], ib]
+            for ic in range(tables.NEXT_COUNT[s1[2]]):
+                s[2] = tables.NEXT_TABLE[s1[2], ic]
                 slopes(s, natural, forced, phase, midpoint, slope)
                 _still(s, error, back, moving)
                 length = length_of(rule, moving, first, slope, curvature, bound, threshold, horizon)
@@ -729,7 +731,7 @@ def search(
     measurement : ndarray of int64, shape (13,)
         In the order of ``formats.MEASUREMENTS``.
     s_prev : ndarray of int64, shape (3,)
-        s(k-1).
+        Rows of s(k-1) in ``tables``; so are the positions of `order` and of the result.
     order : ndarray of int64, shape (64, 5)
         Filled with s1, L1 and effort of every node that was looked at, in turn.
     record : ndarray of int64, shape (8,)
@@ -738,7 +740,7 @@ def search(
     Returns
     -------
     s_a, s_b, s_c : int
-        Positions to apply, 0..7.
+        Rows of the positions to apply.
     held, deadlock : int
         Flags, 0 or 1.
     length : int
@@ -791,12 +793,12 @@ def search(
     bucket = np.empty((_EFFORTS, CANDIDATES, 7), dtype=np.int64)  # s, L1, start slopes, place
     deep_cost, deep_place, deep_length, deep_saturated = -1, 0, 0, False
     deep = np.empty(3, dtype=np.int64)
-    for ia in range(inverter.NEXT_COUNT[s_prev[0]]):
-        s[0] = inverter.NEXT_TABLE[s_prev[0], ia]
-        for ib in range(inverter.NEXT_COUNT[s_prev[1]]):
-            s[1] = inverter.NEXT_TABLE[s_prev[1], ib]
-            for ic in range(inverter.NEXT_COUNT[s_prev[2]]):
-                s[2] = inverter.NEXT_TABLE[s_prev[2], ic]
+    for ia in range(tables.NEXT_COUNT[s_prev[0]]):
+        s[0] = tables.NEXT_TABLE[s_prev[0], ia]
+        for ib in range(tables.NEXT_COUNT[s_prev[1]]):
+            s[1] = tables.NEXT_TABLE[s_prev[1], ib]
+            for ic in range(tables.NEXT_COUNT[s_prev[2]]):
+                s[2] = tables.NEXT_TABLE[s_prev[2], ic]
                 slopes(s, natural, forced, phase, midpoint, slope)
                 start[0], start[1] = slope[0], slope[1]
                 length = length_of(rule, error, first, slope, curvature, bound, threshold, horizon)
@@ -842,9 +844,9 @@ def search(
                 break
             entry = bucket[effort, n]
             leaves = (
-                inverter.NEXT_COUNT[entry[0]]
-                * inverter.NEXT_COUNT[entry[1]]
-                * inverter.NEXT_COUNT[entry[2]]
+                tables.NEXT_COUNT[entry[0]]
+                * tables.NEXT_COUNT[entry[1]]
+                * tables.NEXT_COUNT[entry[2]]
             )
             if o.budget > 0:
                 if leaves > left:
@@ -893,10 +895,13 @@ def search_words(register, measurement, s_prev, order):
     """
     record = np.zeros(8, dtype=np.int64)
     o = options(register)
-    return search(
+    row = register[_FIRST_ROW]
+    a, b, c, held, deadlock, length, saturated, exhausted, looked_at = search(
         length_of, least_excess, no_surcharge, Rule(o.deadlock_rule, o.outside_inwards),
-        register, measurement, s_prev, order, record,
+        register, measurement, s_prev + row, order, record,
     )  # fmt: skip
+    order[:looked_at, 0:3] -= row
+    return a - row, b - row, c - row, held, deadlock, length, saturated, exhausted, looked_at
 
 
 @njit
@@ -1014,7 +1019,7 @@ def predicts(register, measurement, s_prev):
     """
     _, t, root = _root(register, measurement)
     slope, start = np.empty(7, dtype=np.int64), np.empty(2, dtype=np.int64)
-    _start_slopes(s_prev, root, slope, start)
+    _start_slopes(s_prev + register[_FIRST_ROW], root, slope, start)
     return has_successors(t, start)
 
 
@@ -1041,7 +1046,8 @@ def node_at(
     """
     results, t, root = _root(register, measurement)
     slope, start = np.empty(7, dtype=np.int64), np.empty(2, dtype=np.int64)
-    _start_slopes(s, root, slope, start)
-    following, _ = successor(register, _reference(register, results), t, start, s, steps)
+    row = s + register[_FIRST_ROW]
+    _start_slopes(row, root, slope, start)
+    following, _ = successor(register, _reference(register, results), t, start, row, steps)
     error: NDArray[np.int64] = common.node_of(following, False).error
     return error

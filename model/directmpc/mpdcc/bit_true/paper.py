@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.mpdcc import inverter
+from directmpc.mpdcc import tables
 from directmpc.mpdcc.bit_true.common import (
     PAPER_PROGRAM,
     cost,
@@ -24,9 +24,11 @@ from directmpc.mpdcc.bit_true.common import (
     search_length,
     slopes,
 )
-from directmpc.mpdcc.coefficients import Registers, registers
+from directmpc.mpdcc.coefficients import INDEX, Registers, registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
+
+_FIRST_ROW = INDEX["first_row"]
 
 
 @njit
@@ -47,6 +49,14 @@ def decide_words(register, measurement, s_prev):
     tuple of int
         s_a, s_b, s_c, held, deadlock, length, saturated.
     """
+    row = register[_FIRST_ROW]
+    a, b, c, held, deadlock, length, saturated = _decide_rows(register, measurement, s_prev + row)
+    return a - row, b - row, c - row, held, deadlock, length, saturated
+
+
+@njit
+def _decide_rows(register, measurement, s_prev):
+    """``decide_words`` on rows of ``tables``."""
     o = options(register)
     error, natural, forced, phase, midpoint, weight_slope, weight_start, _, saturated = node(
         PAPER_PROGRAM, measurement, register
@@ -69,12 +79,12 @@ def decide_words(register, measurement, s_prev):
     first = True
     s = np.empty(3, dtype=np.int64)
     best = np.empty(3, dtype=np.int64)
-    for ia in range(inverter.NEXT_COUNT[s_prev[0]]):
-        s[0] = inverter.NEXT_TABLE[s_prev[0], ia]
-        for ib in range(inverter.NEXT_COUNT[s_prev[1]]):
-            s[1] = inverter.NEXT_TABLE[s_prev[1], ib]
-            for ic in range(inverter.NEXT_COUNT[s_prev[2]]):
-                s[2] = inverter.NEXT_TABLE[s_prev[2], ic]
+    for ia in range(tables.NEXT_COUNT[s_prev[0]]):
+        s[0] = tables.NEXT_TABLE[s_prev[0], ia]
+        for ib in range(tables.NEXT_COUNT[s_prev[1]]):
+            s[1] = tables.NEXT_TABLE[s_prev[1], ib]
+            for ic in range(tables.NEXT_COUNT[s_prev[2]]):
+                s[2] = tables.NEXT_TABLE[s_prev[2], ic]
                 slopes(s, natural, forced, phase, midpoint, slope)
                 length = horizon
                 excess = -(1 << 40)
@@ -86,7 +96,7 @@ def decide_words(register, measurement, s_prev):
                 if length > 0:
                     weights = 0
                     for x in range(3):
-                        weights += inverter.NEUTRAL_CURRENT[s[x]] * weight_slope[x]
+                        weights += tables.NEUTRAL_CURRENT[s[x]] * weight_slope[x]
                     effort = effort_of(s_prev, s, phase)
                     value, clipped = cost(effort, length, weight_start, weights, o.weight_scale)
                     if not best_feasible or value < best_cost:
