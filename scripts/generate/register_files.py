@@ -209,7 +209,13 @@ def parameters(controller: str) -> list[Word]:
         ]
         bounds = {"current": "of the currents", "neutral": "of v_n", "phase": "of v_ph"}
         words += [
-            Word(f"bound_{name}", formats.BOUND_WIDTH, False, f"Bound {text}, trajectory units")
+            Word(
+                f"bound_{name}",
+                formats.BOUND_WIDTH,
+                False,
+                f"Bound {text}, trajectory units, at most {formats.BOUND_HIGH['fast']} with the "
+                "fast explorer",
+            )
             for name, text in bounds.items()
         ]
         words += [

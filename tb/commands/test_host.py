@@ -10,6 +10,7 @@ Does not prove: anything about the RTL, see test_host_link and test_board.
 
 from __future__ import annotations
 
+import dataclasses
 import errno
 import os
 import random
@@ -331,6 +332,18 @@ def test_a_value_that_does_not_fit_is_refused_before_anything_is_sent(
         with pytest.raises(RegisterError, match="32 bits"):
             board.write_word(address, word)
     assert (dict(line.counters), words[address]) == (sent, kept)
+
+
+@pytest.mark.parametrize("bound", ["current", "neutral", "phase"])
+def test_a_bound_beyond_the_fast_explorers_sums_is_refused(bound: str) -> None:
+    line = model(controller=Controller.MPDCC)
+    line.identity = dataclasses.replace(line.identity, options=2)
+    board = Board(link_of(line))
+    register = f"parameters.bound_{bound}"
+    board.write(register, value=29_000)
+    with pytest.raises(RegisterError, match=f"{register}: value = 29001 .*0 to 29000"):
+        board.write(register, value=29_001)
+    assert board.read(register)["value"] == 29_000
 
 
 def test_a_table_with_a_value_that_does_not_fit_is_not_written() -> None:

@@ -44,6 +44,7 @@ from directmpc.host.registers import (
     values,
 )
 from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.formats import BOUND_HIGH
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sequence import TIME_STEPS
 from directmpc.states import (
@@ -410,14 +411,15 @@ class Board:
             sent then. If it cannot be written.
         """
         address, fields = self._register(name)
-        for field in values:
-            self.limits(name, field)
+        for field, value in values.items():
+            least, most = self.limits(name, field)
+            if not least <= value <= most:
+                raise RegisterError(
+                    f"{name}: {field} = {value} does not fit; it must be an integer from {least} "
+                    f"to {most}"
+                )
         try:
-            word = packed(name, fields, values)
-        except ValueError as error:
-            raise RegisterError(str(error)) from None
-        try:
-            self.write_word(address, word)
+            self.write_word(address, packed(name, fields, values))
         except RegisterError as error:
             raise RegisterError(f"{name}: {error}") from None
 
@@ -434,7 +436,7 @@ class Board:
         Returns
         -------
         least, most : int
-            Signed where the field is.
+            Signed where the field is. Bounds end where the sums of the board's explorers do.
 
         Raises
         ------
@@ -444,7 +446,10 @@ class Board:
         _, fields = self._register(name)
         if field not in fields:
             raise RegisterError(f"{name}: no field '{field}'; it has {', '.join(fields)}")
-        return limits(name, field, fields[field])
+        least, most = limits(name, field, fields[field])
+        if name.startswith("parameters.bound_"):
+            most = BOUND_HIGH[self.variant]
+        return least, most
 
     def _register(self, name: str) -> tuple[int, dict[str, tuple[int, int, bool]]]:
         """Address and fields of a register."""
