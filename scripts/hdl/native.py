@@ -22,6 +22,9 @@ DESIGNS: dict[str, tuple[str, Generics]] = {
     "mpdcc_core_paper": ("mpdcc_core", {"FOLDED": True}),
     "mptc_core": ("mptc_core", {}),
     "mptc_family_core": ("mptc_family_core", {}),
+    "mpdcc_system": ("mpdcc_system", {}),
+    "mptc_system": ("mptc_system", {}),
+    "mptc_family_system": ("mptc_system", {"FAMILY": True}),
 }
 
 

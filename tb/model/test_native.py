@@ -5,7 +5,8 @@ paper's explorer, every method of two-level drives.
 Stimulus: closed loops; random states far outside their formats; resets and states taken back in
 the middle of a decision.
 Checks: every field of every decision is the model's; cycles are those that the cores promise; two
-instances do not disturb each other; what is missing is named in one line.
+instances do not disturb each other; what is missing is named in one line; systems whose idle clocks
+are skipped have every output at its clock, and in the end the state, of those that compute them.
 Timing: a build takes 20 to 60 s for a core, once for a source.
 Does not prove: that the Verilog is the VHDL (tb/tools/test_netlist.py does).
 """
@@ -22,6 +23,7 @@ import pytest
 
 from directmpc import (
     Drive,
+    ModelController,
     MpdccState,
     MptcDrive,
     MptcState,
@@ -31,7 +33,11 @@ from directmpc import (
     load_drive,
     simulate,
 )
+from directmpc.host.measurements import Encoder
+from directmpc.host.registers import packed, registers_of, values
+from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mptc.drive import SEQUENCE_METHODS
+from directmpc.mptc.formats import MEASUREMENTS as MPTC_MEASUREMENTS
 from directmpc.native import Design, library
 from scripts.hdl import native
 from scripts.hdl.clocks import worst_clocks
@@ -176,6 +182,92 @@ def test_a_reset_and_a_state_taken_back_in_the_middle_of_a_decision(design) -> N
         one.restore(state[:-1])
     with pytest.raises(NativeError, match="no state of this design"):
         one.restore(b"x" * len(state))
+
+
+def loaded(drive: Drive | MptcDrive, name: str) -> Design:
+    """A system with a drive's registers, gates enabled, its clock 50 MHz."""
+    one = Design(name)
+    registers = registers_of(drive.controller)
+    status, fields = registers["system.status"]
+    while one.read(status) >> fields["commit_pending"][0] & 1:  # behind the reset
+        one.clocks(10)
+    for register, address, word in values(drive, clock=50e6).writes():
+        assert one.write(address, word), register
+    one.clocks(300)
+    one.put("enable", 1)
+    control, fields = registers["system.control"]
+    assert one.write(control, packed("system.control", fields, {"enable": 1}))
+    return one
+
+
+SYSTEMS = {
+    "mpdcc_system": load_drive("anpc5l_6kv"),
+    "mptc_system": load_drive("induction_2kw2"),
+}
+
+
+class Recorder(ModelController):
+    """The model, which keeps the states that it is asked about."""
+
+    def __init__(self, drive: Drive | MptcDrive) -> None:
+        super().__init__(drive)
+        self.states: list[MpdccState | MptcState] = []
+
+    def decide(self, state):
+        """Decide as the model does."""
+        self.states.append(state)
+        return super().decide(state)
+
+
+def inputs_of(drive: Drive | MptcDrive, steps: int) -> list[dict[str, int]]:
+    """Inputs of a system at each step of a closed loop."""
+    recorder, encoder = Recorder(drive), Encoder(drive)
+    simulate(drive, recorder, steps=steps)
+    names = MPDCC_MEASUREMENTS if isinstance(drive, Drive) else MPTC_MEASUREMENTS
+    found = []
+    for state in recorder.states:
+        words, _, position = encoder.words(state)
+        if isinstance(state, MpdccState):
+            where = {f"s_prev_{x}": s for x, s in zip("abc", state.applied, strict=True)}
+        else:
+            where = {"u": position}
+        found.append(dict(zip(names, words, strict=True)) | where)
+    return found
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_clocks_that_are_not_computed_change_nothing(name: str, design) -> None:
+    """Every change of every output at its clock, and the whole state at the end."""
+    drive = SYSTEMS[name]
+    design(name)
+    quick, slow = loaded(drive, name), loaded(drive, name)
+    assert quick.save() == slow.save()
+    outputs = [n for n, port in quick.ports.items() if not port.is_input]
+    rng, changes = random.Random(5), 0
+    for number, words in enumerate(inputs_of(drive, 40)):
+        for one in (quick, slow):
+            for port, word in words.items():
+                one.put(port, word)
+            one.put("external_trip", int(number == 33))
+            one.put("start", 1)
+            one.clocks(1)
+            one.put("start", 0)
+        left = 2499 if rng.random() < 0.8 else rng.randrange(1, 4000)
+        while left:
+            watched = rng.choice(["gates", "valid", "busy", "running", "faults"])
+            passed = quick.until(watched, left)
+            left -= passed
+            before = slow.get(watched)
+            for _ in range(passed - 1):
+                slow.clocks(1)
+                assert slow.get(watched) == before
+            slow.clocks(1)
+            changes += slow.get(watched) != before
+            assert {n: quick.get(n) for n in outputs} == {n: slow.get(n) for n in outputs}
+        assert quick.save() == slow.save(), number
+    assert changes > 20
+    assert slow.skipped == 0
+    assert quick.skipped > 0.8 * quick.edges
 
 
 def test_what_is_missing_is_named(tmp_path: Path, monkeypatch, design) -> None:

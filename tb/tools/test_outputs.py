@@ -18,7 +18,7 @@ from scripts.shared import tools
 from scripts.shared.tools import ROOT
 
 IN_PLACE = {
-    "model/directmpc/native/library.py": 1,  # a folder of its own, which goes again
+    "model/directmpc/native/library.py": 3,  # a folder of its own, which goes again
     "scripts/hdl/agreement.py": 5,  # a folder of its own, which goes again
     "scripts/hdl/conversion.py": 1,  # a folder of its own, which goes again
     "scripts/hdl/ghdl.py": 1,  # the same

@@ -86,7 +86,8 @@ def test_the_wheel_holds_the_library_and_nothing_else(wheel: Path) -> None:
         for path in (ROOT / "model" / "directmpc").rglob("*.py")
     } | {f"directmpc/drives/{name}.toml" for name in shipped_drives()}
     here |= {f"directmpc/converters/{name}.toml" for name in converter.shipped()}
-    here |= {"directmpc/native/design.cpp", "directmpc/native/design.h"}
+    native = ROOT / "model" / "directmpc" / "native"
+    here |= {f"directmpc/native/{p.name}" for p in native.iterdir() if p.suffix in (".cpp", ".h")}
     assert {n for n in names if ".dist-info/" not in n} == here
     assert any(n.endswith(".dist-info/licenses/LICENSE") for n in names)
     assert found["License-Expression"] == "Apache-2.0"

@@ -2,22 +2,31 @@
 //
 // Compiled together with what Verilator makes of the converted VHDL (class Vdesign) and with ports.h,
 // which the build writes from the header of the Verilog: the list PORTS(X) of X(direction, name, width)
-// but for clk, and the macros START_PORT, VALID_PORT, BUSY_PORT, RST_PORT, and AXI where there is a bus.
+// but for clk, and the macros BUSY_PORT, and AXI where there is a bus. resting.h lists members of the class
+// that change while the design rests: COUNTERS(X) of X(member, width, way), COUNTED(X) of X(member) for what
+// follows from counters alone, ROTATING(X) of X(part, member).
 // Licence: Apache-2.0
 
 #include "design.h"
 
+#include <algorithm>
+#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <new>
 #include <vector>
 
 #include "Vdesign.h"
+#include "Vdesign___024root.h"
 #include "ports.h"
+#include "resting.h"
 #include "verilated.h"
 #include "verilated_save.h"
 
 double sc_time_stamp() { return 0; }
+
+// Computes all signals anew from registers and inputs; of the class that Verilator makes.
+void Vdesign___024root___eval_settle(Vdesign___024root *self);
 
 namespace {
 
@@ -38,6 +47,24 @@ constexpr Port LIST[] = {PORTS(ROW)};
 constexpr unsigned COUNT = sizeof LIST / sizeof *LIST;
 
 constexpr uint32_t mask(unsigned width) { return width >= 32 ? ~0u : (1u << width) - 1; }
+
+enum Way { down, up };
+
+struct Counter {
+    uint32_t most;
+    Way way;
+};
+
+#define ROW(member, width, way) {mask(width), way},
+constexpr Counter COUNTER[] = {COUNTERS(ROW){0, down}};
+#undef ROW
+constexpr unsigned COUNTER_COUNT = sizeof COUNTER / sizeof *COUNTER - 1;
+
+constexpr size_t WINDOW = 24;  // clocks within which a rotating part comes back; 16 are the longest
+constexpr uint64_t WORTH = 4;  // clocks that a look costs
+#define ONE(part, member) +1
+constexpr size_t PARTS = 0 ROTATING(ONE);  // more than there can be
+#undef ONE
 
 // Serialisation into memory; Verilator's own writes files.
 class Writer final : public VerilatedSerialize {
@@ -103,8 +130,18 @@ struct directmpc_design {
     VerilatedContext context;
     std::unique_ptr<Vdesign> model;
     uint64_t edges = 0;
+    uint64_t skipped = 0;
 
-    directmpc_design() : model(new Vdesign{&context}) {}
+    directmpc_design();
+    // What Verilator keeps of a model's signals, it looks for in the context of the thread.
+    ~directmpc_design() { Verilated::threadContextp(&context); }
+    // Zeroed, padding too: equal states are saved as equal bytes.
+    static void *operator new(size_t size) {
+        void *const memory = std::calloc(1, size);
+        if (!memory) throw std::bad_alloc();
+        return memory;
+    }
+    static void operator delete(void *memory) { std::free(memory); }
     // Inputs settle with the clock low; what an edge samples is read just before it.
     void settle() {
         model->clk = 0;
@@ -121,7 +158,180 @@ struct directmpc_design {
     }
     void put(unsigned port, uint32_t value);
     uint32_t get(unsigned port) const;
+    template <class Changed>
+    uint64_t run(uint64_t clocks, Changed changed);
+
+   private:
+    struct Range {
+        size_t at, size, part;
+    };
+    std::vector<Range> loose_;     // bytes of the model that may change while it rests
+    std::vector<Range> rotating_;  // of them those of parts that run in a circle
+    size_t parts_ = 0;
+    std::vector<uint8_t> before_;  // all of the model, a clock ago
+    std::vector<uint8_t> turns_;   // rotating_, clock by clock
+    size_t turn_ = 0;              // bytes of one clock
+    size_t suspect_ = 0;           // of the model: what changed when it was looked at last
+    uint8_t seen_ = 0;             // what stood there
+
+    uint8_t *bytes() const { return reinterpret_cast<uint8_t *>(model->rootp); }
+    bool calm();
+    bool same();
+    void counts(uint32_t *values) const;
+    void record(size_t clock);
+    bool turned(size_t clock, size_t *periods) const;
+    void advance(const uint32_t *steps, size_t clock, const size_t *periods, uint32_t clocks);
 };
+
+directmpc_design::directmpc_design()
+    : before_(sizeof(Vdesign___024root)) {
+    context.threads(1);
+    Verilated::threadContextp(&context);
+    model.reset(new Vdesign{&context});
+    const Vdesign___024root *const root = model->rootp;
+    (void)root;
+#define AT(member) static_cast<size_t>(reinterpret_cast<const uint8_t *>(&root->member) - bytes())
+#define LOOSE(member) loose_.push_back({AT(member), sizeof root->member, 0});
+#define LOOSE_COUNTER(member, width, way) LOOSE(member)
+#define LOOSE_PART(part, member) rotating_.push_back({AT(member), sizeof root->member, part});
+    COUNTERS(LOOSE_COUNTER)
+    COUNTED(LOOSE)
+    ROTATING(LOOSE_PART)
+#undef LOOSE_PART
+#undef LOOSE_COUNTER
+#undef LOOSE
+#undef AT
+    loose_.insert(loose_.end(), rotating_.begin(), rotating_.end());
+    for (const Range &range : rotating_) {
+        parts_ = std::max(parts_, range.part + 1);
+        turn_ += range.size;
+    }
+    turns_.resize(turn_ * (WINDOW + 1));
+}
+
+// Whether the byte that gave motion away the last time stands still: a guess that costs nothing.
+bool directmpc_design::calm() {
+    const uint8_t now = bytes()[suspect_];
+    const bool still = now == seen_;
+    seen_ = now;
+    return still;
+}
+
+// Whether the model is what it was but for what is loose; afterwards before_ is the model.
+bool directmpc_design::same() {
+    for (const Range &range : loose_)
+        std::memcpy(&before_[range.at], bytes() + range.at, range.size);
+    if (!std::memcmp(before_.data(), bytes(), before_.size())) return true;
+    suspect_ = std::mismatch(before_.begin(), before_.end(), bytes()).first - before_.begin();
+    return false;
+}
+
+void directmpc_design::counts(uint32_t *values) const {
+    (void)values;
+#define COUNT(member, width, way) *values++ = model->rootp->member;
+    COUNTERS(COUNT)
+#undef COUNT
+}
+
+void directmpc_design::record(size_t clock) {
+    uint8_t *to = turns_.data() + clock * turn_;
+    for (const Range &range : rotating_) to = std::copy_n(bytes() + range.at, range.size, to);
+}
+
+// Whether every rotating part is as it was some clocks ago, and how many.
+bool directmpc_design::turned(size_t clock, size_t *periods) const {
+    std::fill_n(periods, parts_, 0);
+    for (size_t part = 0, first = 0, at = 0; part < parts_; part++) {
+        size_t end = first, size = 0;
+        for (; end < rotating_.size() && rotating_[end].part == part; end++) size += rotating_[end].size;
+        const uint8_t *const now = turns_.data() + clock * turn_ + at;
+        size_t period = 1;
+        while (period <= clock && std::memcmp(now, now - period * turn_, size)) period++;
+        if (period > clock) return false;
+        periods[part] = period;
+        first = end;
+        at += size;
+    }
+    return true;
+}
+
+void directmpc_design::advance(const uint32_t *steps, size_t clock, const size_t *periods,
+                               uint32_t clocks) {
+    (void)steps;
+#define MOVE(member, width, way) \
+    model->rootp->member = (model->rootp->member + *steps++ * clocks) & mask(width);
+    COUNTERS(MOVE)
+#undef MOVE
+    size_t at = 0;
+    for (const Range &range : rotating_) {
+        const size_t period = periods[range.part], then = clock - period + clocks % period;
+        std::copy_n(turns_.data() + then * turn_ + at, range.size, bytes() + range.at);
+        at += range.size;
+    }
+    Vdesign___024root___eval_settle(model->rootp);
+    edges += clocks;
+    skipped += clocks;
+}
+
+// Lets clocks pass, until `changed` says so behind an edge; returns how many have.
+//
+// Clocks in which nothing can change are not computed. They are told from the model itself: for some
+// clocks in succession, with inputs that stand, nothing in it has changed but
+//
+//   what runs in a circle inside of a part, whose outputs have stood. In these clocks each such part
+//   has come back to a state that it had, so it goes on in that circle as long as its inputs stand.
+//   counts, on which nothing but themselves depends until a countdown has come to 1, and the clocks of
+//   a decision to their most. tb/proofs proves that of their VHDL.
+//
+// All else is a function of what has not changed. So it stays as it is until the first count is there;
+// until then a clock moves counts by one and circles by one place.
+template <class Changed>
+uint64_t directmpc_design::run(uint64_t clocks, Changed changed) {
+    uint64_t passed = 0;
+    size_t periods[PARTS + 1];
+    uint32_t value[3][COUNTER_COUNT + 1];
+    while (passed < clocks) {
+        if (!calm() || clocks - passed <= 2 * WORTH) {
+            clock();
+            passed++;
+            if (changed()) break;
+            continue;
+        }
+        std::copy_n(bytes(), before_.size(), before_.begin());
+        counts(value[0]);
+        record(0);
+        bool rests = false, stops = false;
+        size_t looked = 0;
+        while (looked < WINDOW && passed < clocks && !rests) {
+            clock();
+            passed++;
+            looked++;
+            if ((stops = changed()) || !same()) break;
+            record(looked);
+            if (looked > 2) std::memmove(value[0], value[1], 2 * sizeof *value);
+            counts(value[std::min<size_t>(looked, 2)]);
+            rests = looked > 1 && turned(looked, periods);
+        }
+        if (stops) break;
+        if (!rests) continue;
+        uint64_t most = std::min<uint64_t>(clocks - passed, UINT32_MAX);
+        uint32_t steps[COUNTER_COUNT + 1];
+        for (unsigned k = 0; k < COUNTER_COUNT; k++) {
+            const Counter &counter = COUNTER[k];
+            const uint32_t step = (value[2][k] - value[1][k]) & counter.most;
+            steps[k] = step;
+            if (((value[1][k] - value[0][k]) & counter.most) != step) most = 0;
+            if (!step) continue;
+            if (step != (counter.way == up ? 1 : counter.most)) most = 0;
+            const uint32_t left = counter.way == up ? counter.most - value[2][k]
+                                                    : (value[2][k] - 1) & counter.most;
+            most = std::min<uint64_t>(most, left);
+        }
+        if (most) advance(steps, looked, periods, most);
+        passed += most;
+    }
+    return passed;
+}
 
 void directmpc_design::put(unsigned port, uint32_t value) {
     unsigned at = 0;
@@ -157,6 +367,7 @@ directmpc_design *directmpc_create(void) {
     try {
         auto *design = new directmpc_design;
         directmpc_reset(design);
+        Vdesign___024root___eval_settle(design->model->rootp);  // keeps count of its rounds: one from here on
         return design;
     } catch (const std::bad_alloc &) {
         return nullptr;
@@ -164,8 +375,6 @@ directmpc_design *directmpc_create(void) {
 }
 
 void directmpc_destroy(directmpc_design *design) {
-    if (!design) return;
-    design->model->final();
     delete design;
 }
 
@@ -185,9 +394,22 @@ uint32_t directmpc_get(const directmpc_design *design, uint32_t port) { return d
 uint64_t directmpc_edges(const directmpc_design *design) { return design->edges; }
 
 void directmpc_clocks(directmpc_design *design, uint32_t clocks) {
-    for (; clocks; clocks--) design->clock();
+    design->run(clocks, [] { return false; });
     design->settle();
 }
+
+uint32_t directmpc_until(directmpc_design *design, uint32_t port, uint32_t clocks) {
+    design->settle();
+    const uint32_t before = design->get(port);
+    const uint32_t passed = design->run(clocks, [&] {
+        design->settle();
+        return design->get(port) != before;
+    });
+    design->settle();
+    return passed;
+}
+
+uint64_t directmpc_skipped(const directmpc_design *design) { return design->skipped; }
 
 uint32_t directmpc_decide(directmpc_design *design, const uint32_t *inputs, uint32_t *outputs,
                           uint32_t limit) {

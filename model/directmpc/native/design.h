@@ -15,6 +15,9 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#ifdef __GNUC__
+#pragma GCC visibility push(default)
+#endif
 
 typedef struct directmpc_design directmpc_design;
 
@@ -36,6 +39,12 @@ uint32_t directmpc_get(const directmpc_design *design, uint32_t port);
 uint64_t directmpc_edges(const directmpc_design *design);
 void directmpc_clocks(directmpc_design *design, uint32_t clocks);
 
+/* Lets clocks pass until a port has another value, at most `clocks`; returns how many have passed. */
+uint32_t directmpc_until(directmpc_design *design, uint32_t port, uint32_t clocks);
+
+/* How many of the edges have not been computed, because nothing but counts could change. */
+uint64_t directmpc_skipped(const directmpc_design *design);
+
 /* One decision. The instance runs until busy is 0, takes `inputs` with a start of one clock and runs
  * until valid is 1. inputs, outputs: one word for each input (rst, start and the bus are skipped, but
  * have a place) and for each output, in port order. Returns the number of the edge at which valid is
@@ -53,6 +62,9 @@ size_t directmpc_state_size(const directmpc_design *design);
 void directmpc_save(const directmpc_design *design, void *bytes);
 int directmpc_restore(directmpc_design *design, const void *bytes, size_t size);
 
+#ifdef __GNUC__
+#pragma GCC visibility pop
+#endif
 #ifdef __cplusplus
 }
 #endif

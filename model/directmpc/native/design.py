@@ -135,6 +135,34 @@ class Design:
         """
         self._library.directmpc_clocks(self._handle, count)
 
+    def until(self, name: str, count: int) -> int:
+        """Let clocks pass until a port has another value.
+
+        Parameters
+        ----------
+        name : str
+            Of the port.
+        count : int
+            Clocks at most.
+
+        Returns
+        -------
+        int
+            Clocks that have passed.
+        """
+        return self._library.directmpc_until(self._handle, self._number[name], count)
+
+    @property
+    def skipped(self) -> int:
+        """Clock edges that were not computed, since nothing but counts could change.
+
+        Returns
+        -------
+        int
+            At most `edges`.
+        """
+        return self._library.directmpc_skipped(self._handle)
+
     @property
     def edges(self) -> int:
         """Clock edges since the instance was made.

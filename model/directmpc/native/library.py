@@ -19,7 +19,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import zipfile
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -37,8 +38,21 @@ OPTIONS = (
     *("--x-assign", "0", "--x-initial", "0", "-Wno-fatal", "-Wno-lint", "-Wno-style"),
 )
 #: What the compiler is told.
-FLAGS = ("-std=c++17", "-O2", "-fPIC", "-fvisibility=default", "-DVM_TRACE=0", "-DVM_COVERAGE=0")
+FLAGS = ("-std=c++17", "-O2", "-fPIC", "-fvisibility=hidden", "-DVM_TRACE=0", "-DVM_COVERAGE=0")
+#: Folders with headers, below that of the sources.
+FOLDERS = (".", "made", "runtime", "runtime/vltstd")
+#: What makes an FMU of a system or of `PLANT`, the exact plant of a drive.
+FMI = ("fmu.cpp", "unit.h")
+PLANT = "plant"
+MINGW = "x86_64-w64-mingw32-g++"
 RUNTIME = ("verilated.cpp", "verilated_save.cpp", "verilated_threads.cpp")
+#: What goes on in clocks in which nothing else changes, see design.cpp. Counters: entity -> signal,
+#: and the value at which anything but the count itself begins to depend on it.
+COUNTERS = {"countdown": ("left", "down to 1"), "decision_monitor": ("cycles", "up to its most")}
+#: Entities that run in a circle while their outputs stand.
+ROTATING = ("delay_line", "capacitor_search")
+_MODULE = re.compile(r"^module (\w+)\n(.*?)^endmodule", re.M | re.S)
+_PART = re.compile(r"^  (\w+) (\w+) \($", re.M)
 _PORT = re.compile(r"^\s*\(?(input|output)\s+(?:\[(\d+):0\] )?(\w+)[,)]", re.M)
 
 
@@ -129,6 +143,60 @@ def ports_of(verilog: str, top: str) -> list[Port]:
 def _top(verilog: str) -> str:
     """Name of the module that no other one has as a part: the last of the file."""
     return re.findall(r"^module (\w+)\n", verilog, re.M)[-1]
+
+
+def _instances(verilog: str, top: str) -> list[tuple[str, str]]:
+    """Path as Verilator writes it, and module, of every part of a design."""
+    bodies = dict(_MODULE.findall(verilog))
+    found, waiting = [], [(top, top)]
+    while waiting:
+        path, module = waiting.pop()
+        parts = _PART.findall(bodies[module])
+        inner = [(f"{path}__DOT__{part}", of) for of, part in parts if of in bodies]
+        found += inner
+        waiting += inner
+    return found
+
+
+def _is(module: str, entities: Collection[str]) -> str:
+    """The entity that a module is; the conversion adds values of generics to its name."""
+    return next((e for e in entities if re.fullmatch(rf"{e}(_[0-9a-f]+)*", module)), "")
+
+
+def _visible(verilog: str) -> str:
+    """Tells Verilator to keep the outputs of `ROTATING`."""
+    lines = ["`verilator_config"]
+    for module, body in _MODULE.findall(verilog):
+        if _is(module, ROTATING):
+            outputs = [n for way, _, n in _PORT.findall(body) if way == "output"]
+            lines += [f'public_flat_rd -module "{module}" -var "{name}"' for name in outputs]
+    return "\n".join(lines) + "\n"
+
+
+def _resting(verilog: str, top: str, root: str) -> str:
+    """resting.h, see design.cpp; `root` is the text of the class that Verilator made."""
+    bodies = dict(_MODULE.findall(verilog))
+    members = sorted(set(re.findall(r"\b(\w+__DOT__\w+);", root)))
+    counters, counted, rotating, group = [], [], [], 0
+    for path, module in _instances(verilog, top):
+        inside = [m for m in members if f"{path}__DOT__" in m]
+        if entity := _is(module, COUNTERS):
+            signal, way = COUNTERS[entity]
+            register = re.search(rf"^  assign {signal} = (\w+);", bodies[module], re.M).group(1)
+            width = re.search(rf"^  reg \[(\d+):0\] {register};", bodies[module], re.M).group(1)
+            if f"{path}__DOT__{register}" in inside:
+                counters.append(f"X({path}__DOT__{register}, {int(width) + 1}, {way.split()[0]})")
+            registers = re.findall(r"^  reg (?:\[.*?\] )?(\w+);", bodies[module], re.M)
+            kept = {f"{path}__DOT__{name}" for name in registers}
+            counted += [f"X({name})" for name in inside if name not in kept]
+        elif _is(module, ROTATING):
+            ports = {f"{path}__DOT__{name}" for _, _, name in _PORT.findall(bodies[module])}
+            if found := [f"X({group}, {name})" for name in inside if name not in ports]:
+                rotating += found
+                group += 1
+    rows = {"COUNTERS": counters, "COUNTED": counted, "ROTATING": rotating}
+    lines = [f"#define {name}(X) {' '.join(found)}" for name, found in rows.items()]
+    return "\n".join(["// Written from the Verilog and what Verilator made of it.", *lines, ""])
 
 
 def _header(ports: Sequence[Port]) -> str:
@@ -247,37 +315,56 @@ def _say(text: str) -> None:
     print(f"directmpc: {text}", file=sys.stderr, flush=True)
 
 
-def sources(design: str, folder: Path) -> list[Port]:
-    """Write all C++ of a design: what Verilator makes, the interface and the list of ports.
+def sources(design: str, folder: Path) -> list[Path]:
+    """Write all C++ of a design: what Verilator makes, the interface, of a system that of FMI too.
 
     Parameters
     ----------
     design : str
-        Name of the design.
+        Name of the design, or `PLANT`.
     folder : Path
-        Where it goes; the files of Verilator into ``made``.
+        Where it goes; the files of Verilator into ``made``, its runtime into ``runtime``.
 
     Returns
     -------
-    list of Port
-        Ports of the design.
+    list of Path
+        Files to compile, in `folder`; `FOLDERS` has the headers.
 
     Raises
     ------
     NativeError
         If the Verilog is missing or Verilator fails.
     """
+    if design == PLANT:
+        own = [Path(shutil.copy(HERE / name, folder)) for name in (*FMI, "plant.cpp")]
+        return [path for path in own if path.suffix == ".cpp"]
     source = verilog_of(design)
     text = source.read_text(encoding="utf-8")
     top = _top(text)
     ports = ports_of(text, top)
     shutil.copy(source, folder / "design.v")
-    for name in ("design.cpp", "design.h"):
-        shutil.copy(HERE / name, folder / name)
-    (folder / "ports.h").write_text(_header(ports), encoding="utf-8")
+    header = _header(ports)
+    (folder / "ports.h").write_text(header, encoding="utf-8")
     tool = verilator()
-    _run([*tool.command, *OPTIONS, "--top-module", top, "design.v"], folder, tool.environment)
-    return ports
+    (folder / "visible.vlt").write_text(_visible(text), encoding="utf-8")
+    files = ["visible.vlt", "design.v"]
+    _run([*tool.command, *OPTIONS, "--top-module", top, *files], folder, tool.environment)
+    root = (folder / "made" / "Vdesign___024root.h").read_text(encoding="utf-8")
+    (folder / "resting.h").write_text(_resting(text, top, root), encoding="utf-8")
+    written = ["design.cpp", "design.h"]
+    if "#define AXI" in header:
+        written += [*FMI, "controller.cpp"]
+    own = [Path(shutil.copy(HERE / name, folder)) for name in written]
+    include = tool.root / "include"
+    runtime = folder / "runtime"
+    shutil.copytree(include, runtime, ignore=lambda _, names: [n for n in names if not _needed(n)])
+    compiled = [*sorted((folder / "made").glob("*.cpp")), *(runtime / n for n in RUNTIME)]
+    return [*compiled, *(path for path in own if path.suffix == ".cpp")]
+
+
+def _needed(name: str) -> bool:
+    """Whether a file of Verilator's runtime is one that a design includes."""
+    return name in RUNTIME or name == "vltstd" or Path(name).suffix in (".h", ".hpp")
 
 
 @contextmanager
@@ -295,20 +382,37 @@ def _replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def build(design: str, say: Callable[[str], None] = _say) -> Path:
+def cross_compiler() -> list[str]:
+    """The C++ compiler for Windows as a command; empty if there is none.
+
+    Returns
+    -------
+    list of str
+        The variable CXX_WINDOWS, or MinGW's.
+    """
+    named = shlex.split(os.environ.get("CXX_WINDOWS", ""))
+    for command in [named] if named else [[f"{MINGW}-posix"], [MINGW]]:
+        if shutil.which(command[0]):
+            return command
+    return []
+
+
+def build(design: str, say: Callable[[str], None] = _say, *, windows: bool = False) -> Path:
     """Build the library of a design, or find it built.
 
     Parameters
     ----------
     design : str
-        Name of the design.
+        Name of the design, or `PLANT`.
     say : callable
         Is told what goes on, a line at a time; lines go to standard error by default.
+    windows : bool
+        For 64-bit Windows, by `cross_compiler`.
 
     Returns
     -------
     Path
-        The shared library.
+        The shared library; its C++ lies beside it, in a file of its name that ends with ``.zip``.
 
     Raises
     ------
@@ -317,37 +421,54 @@ def build(design: str, say: Callable[[str], None] = _say) -> Path:
     OSError
         If the cache folder cannot be written.
     """
-    tool, cxx = verilator(), compiler()
+    cxx = cross_compiler() if windows else compiler()
+    if not cxx:
+        raise NativeError(f"there is no {MINGW}: install MinGW, or name a compiler in CXX_WINDOWS")
     digest = hashlib.sha256()
-    for path in (verilog_of(design), HERE / "design.cpp", HERE / "design.h", Path(__file__)):
+    parts = [
+        HERE / name for name in ("design.cpp", "design.h", "plant.cpp", "controller.cpp", *FMI)
+    ]
+    parts += [Path(__file__)] if design == PLANT else [verilog_of(design), Path(__file__)]
+    for path in parts:
         digest.update(path.read_bytes() + b"\0")
-    digest.update(" ".join([tool.version, *cxx]).encode())
+    version = "" if design == PLANT else verilator().version
+    digest.update(" ".join([version, *cxx]).encode())
     key = digest.hexdigest()[:16]
-    library = user_cache_path("directmpc", appauthor=False) / "native" / f"{design}-{key}.so"
+    name = f"{design}-{key}{'.dll' if windows else '.so'}"
+    library = user_cache_path("directmpc", appauthor=False) / "native" / name
     if library.is_file():
         return library
-    with tempfile.TemporaryDirectory(prefix="directmpc-") as name:
-        folder = Path(name)
+    with tempfile.TemporaryDirectory(prefix="directmpc-") as temporary_name:
+        folder = Path(temporary_name)
         say(f"building the native library of {design}, once; this takes about a minute")
-        sources(design, folder)
-        include = tool.root / "include"
-        files = [*sorted((folder / "made").glob("*.cpp")), folder / "design.cpp"]
-        files += [include / runtime for runtime in RUNTIME]
-        where = ["-I.", "-Imade", f"-I{include}", f"-I{include / 'vltstd'}"]
+        files = sources(design, folder)
+        flags = [flag for flag in FLAGS if not (windows and flag == "-fPIC")]
+        where = [f"-I{name}" for name in FOLDERS]
         done = 0
 
         def compiled(numbered: tuple[int, Path]) -> str:
             nonlocal done
             number, path = numbered
-            _run([*cxx, *FLAGS, *where, "-c", str(path), "-o", f"{number}.o"], folder)
+            relative = str(path.relative_to(folder))
+            _run([*cxx, *flags, *where, "-c", relative, "-o", f"{number}.o"], folder)
             done += 1
             say(f"  {done} of {len(files)} files compiled")
             return f"{number}.o"
 
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
             objects = list(pool.map(compiled, enumerate(files)))
+        ending = ["-static", "-lpsapi"] if windows else ["-lpthread", "-Wl,--exclude-libs,ALL"]
+        with (
+            _replacing(library.with_suffix(".zip")) as temporary,
+            zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive,
+        ):
+            for path in sorted(folder.rglob("*")):
+                if path.suffix in (".cpp", ".h", ".hpp", ".v"):
+                    archive.write(path, path.relative_to(folder))
         with _replacing(library) as temporary:
-            _run([*cxx, "-shared", *objects, "-o", str(temporary), "-lpthread"], folder)
+            # self-contained, so that several of them get along in one process
+            linked = ["-shared", "-static-libgcc", "-static-libstdc++", *objects]
+            _run([*cxx, *linked, "-o", str(temporary), *ending], folder)
     return library
 
 
@@ -385,6 +506,8 @@ def load(design: str) -> ctypes.CDLL:
         ("get", word, [handle, word]),
         ("edges", ctypes.c_uint64, [handle]),
         ("clocks", None, [handle, word]),
+        ("until", word, [handle, word, word]),
+        ("skipped", ctypes.c_uint64, [handle]),
         ("decide", word, [handle, words, words, word]),
         ("write", ctypes.c_int, [handle, word, word]),
         ("read", ctypes.c_int, [handle, word, ctypes.POINTER(word)]),
