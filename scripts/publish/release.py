@@ -24,6 +24,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import directmpc
+from directmpc.native.library import VERILOG
+from scripts.hdl import native
 from scripts.hdl.boards import BOARDS, Board
 from scripts.measure import bitstream
 from scripts.publish import kept, report, site, verilog
@@ -164,7 +166,7 @@ def _tree(folder: Path, prefix: str) -> list[tuple[str, bytes]]:
 
 
 def wheel(out: Path, time: int) -> None:
-    """The library as a wheel, from what is committed.
+    """The library as a wheel, from what is committed, with the Verilog for its engine "rtl".
 
     Parameters
     ----------
@@ -188,6 +190,10 @@ def wheel(out: Path, time: int) -> None:
         with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
             safe = {"filter": "tar"} if hasattr(tarfile, "data_filter") else {}
             archive.extractall(work / "source", **safe)
+        carried = work / "source" / VERILOG.relative_to(ROOT)
+        carried.mkdir()
+        for path in native.write():
+            shutil.copy(path, carried)
         code = f"from setuptools import build_meta as b; b.build_wheel({str(work)!r})"
         dated = ["env", f"SOURCE_DATE_EPOCH={time}", sys.executable, "-c", code]
         tools.run(dated, cwd=work / "source")
