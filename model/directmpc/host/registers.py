@@ -214,7 +214,7 @@ def registers_of(controller: str) -> dict[str, tuple[int, dict[str, tuple[int, i
 
 
 @dataclass(frozen=True)
-class _Setting:
+class Setting:
     """A setting of the gate guard on its way to a register.
 
     Attributes
@@ -274,8 +274,8 @@ class _Setting:
         )
 
 
-def guard_words(drive: Drive | MptcDrive, clock: float, saturated: list[str]) -> dict[str, int]:
-    """Registers of the gate guard; appends to ``saturated``.
+def guard_settings(drive: Drive | MptcDrive, clock: float) -> dict[str, Setting]:
+    """What the gate guard is set to, each on its way to its register.
 
     Parameters
     ----------
@@ -283,20 +283,16 @@ def guard_words(drive: Drive | MptcDrive, clock: float, saturated: list[str]) ->
         Its table `guard`; control period and, for MPTC, full scales.
     clock : float
         Of the core, Hz.
-    saturated : list of str
-        Sentences are appended for values that do not fit and become safer ones.
 
     Returns
     -------
-    dict of str to int
-        Register of the guard, by its whole name, to counts: clocks, or LSB of the measurement. What
-        the drive file does not say has the value with which no gate comes on.
+    dict of str to Setting
+        By the whole name of the register.
 
     Raises
     ------
     ValueError
-        Where the nearest value that fits would be less safe than what is asked for, or a trip level
-        is one that no measurement exceeds.
+        If the clock is out of its range, or trip levels do not enclose the dc link's voltage.
     """
     if not LEAST_CLOCK <= clock <= MOST_CLOCK:
         raise ValueError(
@@ -321,30 +317,58 @@ def guard_words(drive: Drive | MptcDrive, clock: float, saturated: list[str]) ->
     short, long = 2**12 - 1, 2**16 - 1
     highest, peak = (HIGHEST[f"guard.{name}", "value"] for name in ("link_high", "current_limit"))
     chosen = {
-        "dead_time": _Setting(asked.dead_time, *time, short, True),
-        "minimum_on": _Setting(asked.minimum_on, *time, short, True),
-        "minimum_off": _Setting(asked.minimum_off, *time, short, True),
-        "decision_limit": _Setting(limit, *time, long, False),
-        "watchdog": _Setting(watchdog, *time, long, False),
-        "current_limit": _Setting(asked.current_limit, *amperes, peak, False, True),
-        "link_high": _Setting(asked.link_high, *volts, highest, False, True),
-        "link_low": _Setting(asked.link_low, *volts, 2**16 - 1, True),
-        "speed_limit": _Setting(asked.speed_limit, *speed, "of omega_r", peak, False, True),
+        "dead_time": Setting(asked.dead_time, *time, short, True),
+        "minimum_on": Setting(asked.minimum_on, *time, short, True),
+        "minimum_off": Setting(asked.minimum_off, *time, short, True),
+        "decision_limit": Setting(limit, *time, long, False),
+        "watchdog": Setting(watchdog, *time, long, False),
+        "current_limit": Setting(asked.current_limit, *amperes, peak, False, True),
+        "link_high": Setting(asked.link_high, *volts, highest, False, True),
+        "link_low": Setting(asked.link_low, *volts, 2**16 - 1, True),
+        "speed_limit": Setting(asked.speed_limit, *speed, "of omega_r", peak, False, True),
     }
-    words = {f"guard.{name}": setting.word(f"guard.{name}", saturated)
-             for name, setting in chosen.items()}  # fmt: skip
-    words["guard.frozen"] = asked.frozen
+    found = {f"guard.{name}": setting for name, setting in chosen.items()}
     if isinstance(drive, Drive):
         capacitor = "pu", formats.CAPACITOR_VOLTAGE.scale, "of v_ph_a"
         neutral = "pu", formats.NEUTRAL_VOLTAGE.scale, "of v_n"
         bands = {
-            "v_ph_high": _Setting(drive.guard.v_ph_high, *capacitor, highest, False, True),
-            "v_ph_low": _Setting(drive.guard.v_ph_low, *capacitor, 2**16 - 1, True),
-            "v_n_limit": _Setting(drive.guard.v_n_limit, *neutral, peak, False, True),
+            "v_ph_high": Setting(drive.guard.v_ph_high, *capacitor, highest, False, True),
+            "v_ph_low": Setting(drive.guard.v_ph_low, *capacitor, 2**16 - 1, True),
+            "v_n_limit": Setting(drive.guard.v_n_limit, *neutral, peak, False, True),
         }
-        words |= {
-            f"bands.{n}": setting.word(f"bands.{n}", saturated) for n, setting in bands.items()
-        }
+        found |= {f"bands.{name}": setting for name, setting in bands.items()}
+    return found
+
+
+def guard_words(drive: Drive | MptcDrive, clock: float, saturated: list[str]) -> dict[str, int]:
+    """Registers of the gate guard; appends to ``saturated``.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        Its table `guard`; control period and, for MPTC, full scales.
+    clock : float
+        Of the core, Hz.
+    saturated : list of str
+        Sentences are appended for values that do not fit and become safer ones.
+
+    Returns
+    -------
+    dict of str to int
+        Register of the guard, by its whole name, to counts: clocks, or LSB of the measurement. What
+        the drive file does not say has the value with which no gate comes on.
+
+    Raises
+    ------
+    ValueError
+        Where the nearest value that fits would be less safe than what is asked for, or a trip level
+        is one that no measurement exceeds.
+    """
+    words = {
+        name: setting.word(name, saturated)
+        for name, setting in guard_settings(drive, clock).items()
+    }
+    words["guard.frozen"] = drive.guard.frozen
     return words
 
 

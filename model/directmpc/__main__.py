@@ -1,0 +1,50 @@
+"""Commands of the library: FMUs of a drive."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+from directmpc.api.drive_file import load_drive
+from directmpc.fmu import FmuError, command
+from directmpc.host.console import OneParagraphParser, report_error, reported
+from directmpc.native import NativeError
+
+
+def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = OneParagraphParser(prog="directmpc", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True, parser_class=OneParagraphParser)
+    text = "the controller of a drive, which is the RTL, or its plant, for a simulator with FMI"
+    command.add_arguments(commands.add_parser("fmu", help=text, description=text))
+    return parser.parse_args(arguments)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Do one command.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Of the command line; those of the process if not given.
+
+    Returns
+    -------
+    int
+        Exit code: 0, 2 on an error, 130 on an interrupt.
+    """
+    return reported("directmpc", lambda: _main(arguments))
+
+
+def _main(arguments: Sequence[str] | None) -> int:
+    """What `main` does, but for a standard output that takes no more."""
+    given = _arguments(arguments)
+    try:
+        print(command.write(load_drive(given.drive), given))
+    except (NativeError, FmuError, ValueError, OSError) as error:
+        report_error("fmu", error, [given.out])
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,491 @@
+"""Variables of the two FMUs of a drive, and the text by which their C++ knows the drive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from directmpc.drive_tables import keys_of
+from directmpc.host.registers import (
+    Setting,
+    guard_settings,
+    packed,
+    registers_of,
+    values,
+)
+from directmpc.mpdcc import plant as mpdcc_plant
+from directmpc.mpdcc.drive import Drive, FiveLevelDrive
+from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
+from directmpc.mptc import formats as mptc_formats
+from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.machine import current_row
+from directmpc.mptc.plant import plant_parameters
+from directmpc.native.library import VERILOG, ports_of
+
+#: Largest magnitude of an input that has no range of its own.
+ANY = 1e9
+_ROLES = ("input", "output", "parameter", "constant")
+SYSTEMS = {"mpdcc": "mpdcc_system", "mptc": "mptc_system"}
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of an FMU.
+
+    Attributes
+    ----------
+    name, description, unit : str
+        Unit "1" is none.
+    type : str
+        "real", "integer" or "boolean".
+    role : str
+        "input", "output", "parameter" (set before the start) or "constant" (shown alone).
+    start, least, most : float
+        Value at the start, and range.
+    """
+
+    name: str
+    description: str
+    unit: str = "1"
+    type: str = "real"
+    role: str = "input"
+    start: float = 0.0
+    least: float = -ANY
+    most: float = ANY
+
+
+@dataclass
+class Model:
+    """What an FMU is made of.
+
+    Attributes
+    ----------
+    name, title, design : str
+        Model identifier, one line on it, and the library behind it.
+    step : float
+        Preferred communication step, s.
+    variables : list of Variable
+        In the order of their value references.
+    lines : list of str
+        What the unit is set up by, see controller.cpp and plant.cpp.
+    """
+
+    name: str
+    title: str
+    design: str
+    step: float
+    variables: list[Variable] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)
+
+    def text(self, token: str) -> str:
+        """The resource file of the unit.
+
+        Parameters
+        ----------
+        token : str
+            By which the description is known to be the one of these variables.
+
+        Returns
+        -------
+        str
+            Lines.
+        """
+        rows = [
+            f"var {v.name} {('real', 'integer', 'boolean').index(v.type)} {_ROLES.index(v.role)} "
+            f"{v.start!r} {v.least!r} {v.most!r}"
+            for v in self.variables
+        ]
+        return "\n".join([f"token {token}", *rows, *self.lines, ""])
+
+
+def _clarke(name: str, phases: bool) -> tuple[list[str], list[dict[str, float]]]:
+    """Inputs of a vector, and its alpha and beta as sums of them."""
+    if not phases:
+        names = [f"{name}_alpha", f"{name}_beta"]
+        return names, [{names[0]: 1.0}, {names[1]: 1.0}]
+    a, b, c = names = [f"{name}_{x}" for x in "abc"]
+    return names, [
+        {a: 2 / 3, b: -1 / 3, c: -1 / 3},
+        {b: 1 / math.sqrt(3), c: -1 / math.sqrt(3)},
+    ]
+
+
+_WHAT = {
+    "is": "stator current", "psir": "rotor flux linkage", "psis": "stator flux linkage",
+    "iref": "reference of the stator current", "v_n": "neutral point voltage",
+    "v_ph_a": "capacitor voltage of phase a", "v_ph_b": "capacitor voltage of phase b",
+    "v_ph_c": "capacitor voltage of phase c", "v_dc": "dc-link voltage",
+    "omega_s": "stator angular frequency", "omega_r": "electrical rotor speed",
+    "torque_ref": "reference of the torque", "psi_ref": "reference of the stator flux linkage",
+}  # fmt: skip
+_SI = {"omega_r": "rad/s", "v_dc": "V", "torque_ref": "N.m", "psi_ref": "Wb", "is": "A",
+       "psis": "Wb"}  # fmt: skip
+
+
+def _bases(drive: Drive) -> dict[str, tuple[float, str]]:
+    """SI unit of 1 pu by the kind of a measurement."""
+    base, omega = drive.base, 2 * math.pi * drive.base.frequency
+    voltage, flux = (base.voltage, "V"), (base.voltage / omega, "Wb")
+    current, speed = (base.current, "A"), (omega, "rad/s")
+    return {
+        "is": current, "iref": current, "psir": flux, "v_n": voltage, "v_ph_a": voltage,
+        "v_ph_b": voltage, "v_ph_c": voltage, "v_dc": voltage, "omega_s": speed, "omega_r": speed,
+    }  # fmt: skip
+
+
+def _measurements(
+    drive: Drive | MptcDrive, si: bool, phases: bool
+) -> Iterator[tuple[Variable, str]]:
+    """Inputs and the lines `measure` of a controller."""
+    if isinstance(drive, Drive):
+        formats, bases = dict(MPDCC_MEASUREMENTS), _bases(drive)
+    else:
+        formats, bases = mptc_formats.measurement_formats(drive), {}
+    ports = list(formats)
+    while ports:
+        port = ports.pop(0)
+        stem = port.removesuffix("_alpha")
+        names, sums = [port], [{port: 1.0}]
+        if stem != port:
+            ports.pop(0)
+            names, sums = _clarke(stem, phases and stem == "is")
+        base, unit = (1.0, "1") if isinstance(drive, Drive) else (1.0, _SI[stem])
+        if si and isinstance(drive, Drive):
+            base, unit = bases[stem]
+        start = drive.inverter.vdc * base if stem == "v_dc" else 0.0
+        if stem.startswith("v_ph"):
+            start = drive.inverter.vdc / 4 * base
+        for name in names:
+            part = name.removeprefix(f"{stem}_") if name != stem else ""
+            what = f"{_WHAT[stem]}{f', {part}' if part else ''}"
+            what += " (per unit)" if unit == "1" else ""
+            yield Variable(name, f"Measured: {what}", unit, start=start), ""
+        targets = [port] if stem == port else [port, f"{stem}_beta"]
+        for target, terms in zip(targets, sums, strict=True):
+            word = formats[target]
+            given = " ".join(f"{name} {factor / base!r}" for name, factor in terms.items())
+            yield (
+                Variable("", ""),
+                f"measure {target} {word.scale!r} {word.low} {word.high} {given}",
+            )
+
+
+def _settings(drive: Drive | MptcDrive, clock: float) -> Iterator[tuple[Variable, str]]:
+    """Keys of the drive file as variables; those of the guard can be set."""
+    pu = isinstance(drive, Drive)
+    written = values(drive, clock=clock)
+    places = {n.rpartition(".")[2]: (n, one) for n, one in guard_settings(drive, clock).items()}
+    for section in ("base", "machine", "inverter", "guard", "control"):
+        table = getattr(drive, section, None)
+        if table is None:
+            continue
+        for key, info in keys_of(type(table)).items():
+            value = getattr(table, key)
+            if section == "guard" and key in places:
+                name, one = places[key]
+                yield _guard(drive, name, one, info, written.words[name])
+            elif isinstance(value, bool | int | float):
+                words = info.description or ""
+                kind = {bool: "boolean", int: "integer"}.get(type(value), "real")
+                unit = (
+                    "s" if key == "ts" else _unit_in(words) if not pu or section == "base" else "1"
+                )
+                yield (
+                    Variable(
+                        f"{section}.{key}", f"Built in: {words}" + " (per unit)" * (" pu" in words),
+                        unit, kind, "constant", float(value),
+                    ),
+                    "",
+                )  # fmt: skip
+
+
+def _unit_in(words: str) -> str:
+    last = words.split()[-1] if words else ""
+    return {"ohm": "Ohm", "N*m/Wb": "N.m/Wb"}.get(last, last if last in _UNITS else "1")
+
+
+_UNITS = {"V", "A", "Hz", "s", "H", "Wb", "N.m", "rad/s", "Ohm", "N.m/Wb"}
+
+
+def _guard(drive: Drive | MptcDrive, name: str, one: Setting, info: Any, word: int) -> tuple:
+    """A setting of the gate guard: a parameter, and how its register follows from it."""
+    key = name.rpartition(".")[2]
+    ranges = [m for m in info.metadata if hasattr(m, "ge") or hasattr(m, "le")]
+    least = next((float(m.ge) for m in ranges if getattr(m, "ge", None) is not None), 0.0)
+    most = next((float(m.le) for m in ranges if getattr(m, "le", None) is not None), ANY)
+    most = max(least, min(most, one.most / one.scale))
+    start = word / one.scale if one.asked is None else float(one.asked)
+    text = f"Gate guard: {key.replace('_', ' ')}" + " (per unit)" * (one.unit == "pu")
+    unit = one.unit if one.unit in _UNITS else "1"
+    rounding = "up" if one.more_is_safer else "down"
+    return (
+        Variable(
+            f"guard.{key}",
+            text,
+            unit,
+            "real",
+            "parameter",
+            min(max(start, least), most),
+            least,
+            most,
+        ),
+        f"write {registers_of(drive.controller)[name][0]} {word} guard.{key} {one.scale!r} "
+        f"{one.most} {rounding}",
+    )
+
+
+def _scale(drive: Drive | MptcDrive, port: str) -> float:
+    found = MPDCC_MEASUREMENTS if isinstance(drive, Drive) else None
+    return (found or mptc_formats.measurement_formats(drive))[port].scale
+
+
+#: Outputs of the systems that have words of their own; others are named after their port.
+_SHOWN = {
+    "valid": "", "cycles": "Clocks of the latest decision", "running": "Gates follow decisions",
+    "busy": "A decision is under way", "held": "The positions were kept",
+    "deadlock": "No candidate stays inside its bounds", "length": "Steps that the choice is valid",
+    "saturated": "A value did not fit its word", "exhausted": "The budget ended the search",
+    "clamped": "MPFC cannot reach the torque", "faults": "Latched faults, one bit each",
+    "s_a": "Position of phase a, decided", "s_b": "Position of phase b, decided",
+    "s_c": "Position of phase c, decided", "u_next": "Voltage vector, decided",
+}  # fmt: skip
+
+
+def _outputs(drive: Drive | MptcDrive, design: str) -> Iterator[tuple[Variable, str]]:
+    text = (VERILOG / f"{design}.v").read_text(encoding="utf-8")
+    top = text[text.rindex("\nmodule ") + 8 :].split("\n", 1)[0]
+    for port in ports_of(text, top):
+        name = port.name
+        if port.is_input or name.startswith("s_axil") or name == "valid":
+            continue
+        if name == "gates":
+            legs = "abc"
+            each = port.width // 3
+            parts = [f"S{k + 1}" for k in range(each)] if each > 2 else ["upper", "lower"]
+            for bit in range(port.width):
+                leg, part = legs[bit // each], parts[bit % each]
+                yield (
+                    Variable(f"gate_{leg}_{part}", f"Gate {part} of phase {leg} is on", "1",
+                             "boolean", "output", 0.0, 0.0, 1.0),
+                    f"show gate_{leg}_{part} gates {bit} 1 0 1.0",
+                )  # fmt: skip
+            continue
+        what = _SHOWN.get(name, f"Port {name} of {design}")
+        if port.width == 1:
+            kind, signed, scale = "boolean", 0, 1.0
+        elif name in ("flux_alpha", "flux_beta"):
+            measured = "psir_alpha" if isinstance(drive, Drive) else "psis_alpha"
+            kind, signed, scale = "real", 1, _scale(drive, measured)
+            what = "Flux that the decision used" + " (per unit)" * isinstance(drive, Drive)
+        else:
+            kind, signed, scale = "integer", 0, 1.0
+        unit = "Wb" if kind == "real" and isinstance(drive, MptcDrive) else "1"
+        yield (
+            Variable(name, what, unit, kind, "output"),
+            f"show {name} {name} 0 {port.width} {signed} {scale!r}",
+        )
+
+
+def controller(
+    drive: Drive | MptcDrive, name: str, *, clock: float, si: bool = False, phases: bool = False
+) -> Model:
+    """The controller of a drive.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        Whose controller it is.
+    name : str
+        Model identifier, a C identifier.
+    clock : float
+        Of the core, Hz.
+    si : bool
+        Whether inputs of an MPDCC drive are SI; per unit otherwise. Those of MPTC are SI always.
+    phases : bool
+        Whether currents are measured as phases a, b, c; alpha and beta otherwise.
+
+    Returns
+    -------
+    Model
+        Its variables and lines.
+
+    Raises
+    ------
+    ValueError
+        If the drive cannot be represented, lacks a key without which no gate comes on, or its
+        period is no whole number of clocks; for methods of several vectors.
+    """
+    if drive.controller not in SYSTEMS:
+        raise ValueError(f"controller: {drive.controller} has no FMU; {', '.join(SYSTEMS)} have")
+    if isinstance(drive, MptcDrive) and drive.control.sequences:
+        raise ValueError(f"control.method: {drive.control.method} has no FMU; MPTC and MPFC have")
+    if missing := drive.guard.missing():
+        raise ValueError(missing[0])
+    period = drive.control.ts * clock
+    if abs(period - round(period)) > 1e-6 or not 256 <= period < 2**31:
+        raise ValueError(
+            f"control.ts: {drive.control.ts:g} s are {period:g} clocks of {clock / 1e6:g} MHz; a "
+            "whole number from 256 is needed: choose another clock"
+        )
+    design = SYSTEMS[drive.controller]
+    model = Model(
+        name, f"{drive.controller.upper()} of {name}, the RTL itself", design, drive.control.ts
+    )
+    registers = registers_of(drive.controller)
+    given = values(drive, clock=clock)
+    rows: list[tuple[Variable, str]] = [
+        *_measurements(drive, si, phases),
+        (Variable("enable", "Gates may be on; a rising edge clears faults", type="boolean",
+                  start=1.0, least=0.0, most=1.0), ""),
+        (Variable("trip", "External trip: all gates off", type="boolean", least=0.0, most=1.0), ""),
+        *_outputs(drive, design),
+        (Variable("clocks", "Clocks since the start", role="output"), ""),
+        *_settings(drive, clock),
+    ]  # fmt: skip
+    model.variables = [variable for variable, _ in rows if variable.name]
+    lines = [line for _, line in rows if line]
+    of_guard = [line for line in lines if line.startswith("write ")]
+    model.lines = [line for line in lines if not line.startswith("write ")]
+    settable = {line.split()[1] for line in of_guard}
+    writes = [
+        f"write {address} {word}"
+        for _, address, word in given.writes()
+        if str(address) not in settable
+    ]
+    status, control, command, faults = (
+        registers[f"system.{n}"] for n in ("status", "control", "command", "faults")
+    )
+    every = dict.fromkeys(faults[1], 1)
+    on = {"enable": 1, "own_positions": 1}
+    off = {"own_positions": 1}
+    model.lines += [
+        *of_guard,
+        *writes,
+        f"clock {clock!r} {round(period)}",
+        f"control {control[0]} {packed('system.control', control[1], on)} "
+        f"{packed('system.control', control[1], off)}",
+        f"forget {command[0]} {packed('system.command', command[1], {'reset_observer': 1})}",
+        f"faults {faults[0]} {packed('system.faults', faults[1], every)}",
+        f"status {status[0]} {packed('system.status', status[1], {'commit_pending': 1})}",
+    ]
+    return model
+
+
+def plant(drive: FiveLevelDrive | MptcDrive, name: str) -> Model:
+    """The exact plant of a drive: machine and inverter with ideal switches at an imposed speed.
+
+    Parameters
+    ----------
+    drive : FiveLevelDrive or MptcDrive
+        Whose plant it is; per unit of the five-level inverter, SI for MPTC, as the drive file.
+    name : str
+        Model identifier, a C identifier.
+
+    Returns
+    -------
+    Model
+        Its variables and lines.
+    """
+    model = Model(name, f"Exact plant of {name}", "plant", drive.control.ts)
+    if isinstance(drive, FiveLevelDrive):
+        data = mpdcc_plant.plant_data(
+            drive.machine, drive.inverter.xdc, drive.inverter.xph, drive.ts_pu
+        )
+        scale, unit = (
+            2 * math.pi * drive.base.frequency,
+            dict.fromkeys(("i", "psi", "v", "w", "t"), "1"),
+        )
+
+        def matrix(positions: tuple[int, ...], omega: float) -> np.ndarray:
+            out = np.empty((8, 9))
+            mpdcc_plant._continuous(data, np.array(positions), omega, out)
+            return out
+
+        states = [
+            "is_alpha",
+            "is_beta",
+            "psir_alpha",
+            "psir_beta",
+            "v_n",
+            "v_ph_a",
+            "v_ph_b",
+            "v_ph_c",
+        ]
+        switches, rest = ["s_a", "s_b", "s_c"], (0, 0, 0)
+        product = (drive.machine.coupling, 2, 1, 3, 0)
+        starts = dict.fromkeys(states[5:], drive.inverter.vdc / 4)
+        starts["psir_alpha"] = float(getattr(drive.machine, "psi_m", 0.0))  # magnets, rotor at 0
+    else:
+        p = plant_parameters(drive)
+        scale, unit = 1.0, {"i": "A", "psi": "Wb", "v": "V", "w": "rad/s", "t": "N.m"}
+
+        def matrix(positions: tuple[int, ...], omega: float) -> np.ndarray:
+            current, flux, voltage = current_row(p, omega)
+            v = p.unit[positions[0]]
+            a = np.array([[current, flux], [-p.rs, 0j]])
+            out = np.zeros((4, 5))
+            for row in range(2):
+                for column in range(2):
+                    z = a[row, column]
+                    out[2 * row : 2 * row + 2, 2 * column : 2 * column + 2] = [
+                        [z.real, -z.imag], [z.imag, z.real],
+                    ]  # fmt: skip
+                b = (voltage if row == 0 else 1.0) * v
+                out[2 * row : 2 * row + 2, 4] = b.real, b.imag
+            return out
+
+        states = ["is_alpha", "is_beta", "psis_alpha", "psis_beta"]
+        switches, rest = ["u"], (0,)
+        product = (1.5 * drive.machine.pole_pairs, 2, 1, 3, 0)
+        starts = {}
+    vdc, per_unit = drive.inverter.vdc, " (per unit)" * (unit["i"] == "1")
+    what = {f"s_{x}": f"Position of phase {x}" for x in "abc"} | {"u": "Voltage vector"}
+    kinds = {"is": "i", "ps": "psi", "v_": "v"}
+    for one in switches:
+        model.variables.append(Variable(one, what[one], "1", "integer", "input", 0.0, 0.0, 7.0))
+    model.variables += [
+        Variable("omega_r", f"Electrical rotor speed, imposed{per_unit}", unit["w"]),
+        Variable("v_dc", f"dc-link voltage{per_unit}", unit["v"], start=vdc, least=0.0),
+    ]
+    for one in states:
+        stem = one.removesuffix("_alpha").removesuffix("_beta")
+        text = _WHAT[stem] + one.removeprefix(stem).replace("_", ", ")
+        kind, start = unit[kinds[one[:2]]], float(starts.get(one, 0.0))
+        model.variables += [
+            Variable(f"start.{one}", f"At the start: {text}{per_unit}", kind, role="parameter",
+                     start=start),
+            Variable(one, text[0].upper() + text[1:] + per_unit, kind, role="output", start=start),
+        ]  # fmt: skip
+    for phase in "abc":
+        text = f"Stator current, {phase}{per_unit}"
+        model.variables.append(Variable(f"is_{phase}", text, unit["i"], role="output"))
+    model.variables.append(
+        Variable("torque", f"Electromagnetic torque{per_unit}", unit["t"], role="output")
+    )
+    base = matrix(rest, 0.0)
+    n = len(states)
+
+    def row(values_: np.ndarray) -> str:
+        return " ".join(repr(float(v)) for v in np.ravel(values_))
+
+    model.lines = [f"states {n} {scale!r}", *(f"begin start.{one}" for one in states)]
+    model.lines += [
+        f"base {row(base)}",
+        f"speed omega_r {row(matrix(rest, 1.0) - base)}",
+        "link v_dc",
+    ]
+    for place, one in enumerate(switches):
+        for s in range(8):
+            moved = tuple(s if k == place else r for k, r in enumerate(rest))
+            model.lines.append(f"switch {one} {row(matrix(moved, 0.0) - base)}")
+    model.lines += [f"out {one} {row(np.eye(n)[k])}" for k, one in enumerate(states)]
+    for phase, beta in zip("abc", (0.0, math.sqrt(0.75), -math.sqrt(0.75)), strict=True):
+        weights = np.zeros(n)
+        weights[:2] = -0.5 if beta else 1.0, beta
+        model.lines.append(f"out is_{phase} {row(weights)}")
+    model.lines.append(f"product torque {' '.join(repr(v) for v in product)}")
+    return model

@@ -1,0 +1,516 @@
+"""FMUs of the shipped drives: the RTL and the exact plant in FMPy, in FMI 2.0 and 3.0.
+
+Sweep: a drive of each controller, both versions, inputs per unit, in SI and in phases.
+Stimulus: closed loops of both FMUs; steps of other sizes than the control period; two instances in
+turn; states taken back, from bytes too; a reset in the middle of a decision; wrong values.
+Checks: FMPy's validation; every decision is the bit-true model's; every edge of every gate is that
+of the guard's twin at its clock; plant states are those of the library's plant; memory stands.
+Does not prove: that the Verilog is the VHDL (tb/tools/test_netlist.py does).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+import resource
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+from directmpc import Drive, ModelController, MpdccState, MptcState, load_drive
+from directmpc.__main__ import main
+from directmpc.fmu import variables, write_controller, write_plant
+from directmpc.host.measurements import Encoder
+from directmpc.host.registers import packed, registers_of, values
+from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
+from directmpc.mpdcc.plant import Plant
+from directmpc.mptc.formats import MEASUREMENTS as MPTC_MEASUREMENTS
+from directmpc.mptc.plant import advance, plant_parameters
+from directmpc.native import Design, library
+from scripts.hdl import native
+from scripts.shared.tools import ROOT
+
+DRIVES = ("anpc5l_6kv", "induction_2kw2")
+VERSIONS = ("2.0", "3.0")
+STEPS = 150
+
+
+class Importer:
+    """One instance in FMPy, its variables by name, for either version of FMI."""
+
+    def __init__(self, path: Path, *, early: bool = False, **start: float) -> None:
+        self.description = fmpy.read_model_description(str(path))
+        self.folder = path.with_suffix(".unzipped")
+        if not self.folder.is_dir():
+            fmpy.extract(str(path), str(self.folder))
+        self.said: list[str] = []
+        self.named = {v.name: v for v in self.description.modelVariables}
+        self.modern = self.description.fmiVersion.startswith("3")
+        kind = fmpy.fmi3.FMU3Slave if self.modern else fmpy.fmi2.FMU2Slave
+        self.one: Any = kind(
+            guid=self.description.guid, unzipDirectory=str(self.folder), instanceName="one",
+            modelIdentifier=self.description.coSimulation.modelIdentifier,
+        )  # fmt: skip
+        if self.modern:
+            self.one.instantiate(
+                earlyReturnAllowed=early,
+                logMessage=lambda *said: self.said.append(said[-1].decode()),
+            )
+        else:
+            self.calls = fmpy.fmi2.fmi2CallbackFunctions()
+            self.calls.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(
+                lambda *said: self.said.append(said[-1].decode())
+            )
+            self.one.instantiate(callbacks=self.calls)
+        self.time = 0.0
+        self.begin(**start)
+
+    def begin(self, **start: float) -> None:
+        """Initialise with values that are set before."""
+        if not self.modern:
+            self.one.setupExperiment(startTime=0.0)
+        self.put(**start)
+        self.one.enterInitializationMode()
+        self.one.exitInitializationMode()
+        self.time = 0.0
+
+    def put(self, **given: float) -> None:
+        """Set variables; two low lines stand for the dot in a name."""
+        for name, value in given.items():
+            one = self.named[name.replace("__", ".")]
+            cast = float if one.type in ("Real", "Float64") else int
+            getattr(self.one, f"set{one.type}")([one.valueReference], [cast(value)])
+
+    def get(self, *names: str) -> list[float]:
+        """Values by name."""
+        found = []
+        for name in names:
+            one = self.named[name]
+            found += list(getattr(self.one, f"get{one.type}")([one.valueReference]))
+        return found
+
+    def outputs(self) -> list[float]:
+        """Every output."""
+        return self.get(*(n for n, v in self.named.items() if v.causality == "output"))
+
+    def step(self, size: float) -> float:
+        """One communication step; the time that it came to."""
+        reached = self.one.doStep(self.time, size)
+        self.time = reached[3] if self.modern else self.time + size
+        return self.time
+
+
+@pytest.fixture(scope="session")
+def fmu(tmp_path_factory) -> Callable[..., Path]:
+    """Writes an FMU once: of the controller, or of the plant."""
+    folder, made = tmp_path_factory.mktemp("fmu"), {}
+
+    def write(name: str, version: str = "3.0", *, plant: bool = False, **options) -> Path:
+        key = (name, version, plant, *options.items())
+        if key not in made:
+            kind = f"{'plant' if plant else 'controller'}_{len(made)}_{name}.fmu"
+            drive = load_drive(name)
+            if not plant:
+                native.write([variables.SYSTEMS[drive.controller]])
+            made[key] = (write_plant if plant else write_controller)(
+                drive, folder / kind, version=version, windows=False, **options
+            )
+        return made[key]
+
+    return write
+
+
+def inputs_of(name: str) -> Iterator[dict[str, float]]:
+    """Inputs of a controller that make it decide this and that."""
+    drive = load_drive(name)
+    for k in range(10**9):
+        turn = np.exp(1j * 0.02 * k)
+        if isinstance(drive, Drive):
+            yield {
+                "is_alpha": 0.9 * turn.real + 0.06 * math.sin(k), "is_beta": 0.9 * turn.imag,
+                "psir_alpha": 0.8 * turn.imag, "psir_beta": -0.8 * turn.real, "v_n": 0.02,
+                "v_ph_a": 0.5, "v_ph_b": 0.52, "v_ph_c": 0.48, "v_dc": 2.0, "omega_s": 0.9,
+                "iref_alpha": 0.9 * turn.real, "iref_beta": 0.9 * turn.imag, "omega_r": 0.88,
+            }  # fmt: skip
+        else:
+            yield {
+                "is_alpha": 4 * turn.real, "is_beta": 4 * turn.imag + math.sin(k),
+                "psis_alpha": 0.9 * turn.imag, "psis_beta": -0.9 * turn.real, "omega_r": 150.0,
+                "v_dc": 540.0, "torque_ref": 5 * math.cos(0.3 * k),
+                "psi_ref": 0.9 + 0.08 * math.sin(1.7 * k),
+            }  # fmt: skip
+
+
+def period_of(name: str) -> float:
+    """Control period, s."""
+    return load_drive(name).control.ts
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("plant", [True, False], ids=["plant", "controller"])
+def test_it_is_valid_and_complete(fmu, name: str, version: str, plant: bool) -> None:
+    path = fmu(name, version, plant=plant)
+    assert validate_fmu(str(path)) == []
+    with zipfile.ZipFile(path) as archive:
+        names = set(archive.namelist())
+    place = "x86_64-linux" if version == "3.0" else "linux64"
+    assert f"binaries/{place}/{path.stem}.so" in names
+    icon = "terminalsAndIcons/icon.png" if version == "3.0" else "model.png"
+    assert {"documentation/index.html", "documentation/licenses/license.txt", icon} < names
+    assert "sources/fmu.cpp" in names
+    found = fmpy.read_model_description(str(path))
+    assert found.coSimulation.canSerializeFMUstate
+    for one in found.modelVariables:
+        assert one.description, one.name
+        if one.causality == "parameter":
+            assert one.name.startswith(("guard.", "start."))
+            assert plant or None not in (one.min, one.max), one.name
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_loop_of_mptc_is_the_models(fmu, version: str) -> None:
+    """Both FMUs around each other; the model decides on what the controller saw."""
+    name = "induction_2kw2"
+    drive, ts = load_drive(name), period_of(name)
+    core = Importer(fmu(name, version))
+    plant = Importer(fmu(name, version, plant=True), start__psis_alpha=0.95)
+    model, u, seen = ModelController(drive), 0, []
+    for k in range(STEPS):
+        states = plant.get("is_alpha", "is_beta", "psis_alpha", "psis_beta")
+        torque = 6.0 if k > 60 else 2.0
+        current, flux = complex(*states[:2]), complex(*states[2:])
+        given = dict(zip(("is_alpha", "is_beta", "psis_alpha", "psis_beta"), states, strict=True))
+        core.put(**given, omega_r=100.0, torque_ref=torque, psi_ref=0.95, v_dc=540.0)
+        core.step(ts)
+        wanted = model.decide(MptcState(current, flux, 100.0, torque, 0.95, u))
+        found = core.get("u_next", "saturated", "cycles")
+        assert found == [wanted.apply, wanted.saturated, 39], k
+        plant.put(u=u, omega_r=100.0, v_dc=540.0)
+        plant.step(ts)
+        u = wanted.apply
+        seen.append(u)
+    assert len(set(seen)) >= 5
+    assert core.get("faults", "running") == [0, True]
+    assert abs(plant.get("torque")[0] - 6.0) < 3.0
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_loop_of_mpdcc_is_the_models(fmu, version: str, tmp_path: Path) -> None:
+    drive = load_drive("anpc5l_6kv").with_control(capacitor_filter=0)
+    native.write(["mpdcc_system"])
+    path = write_controller(drive, tmp_path / "core.fmu", version=version, windows=False)
+    ts = drive.control.ts
+    core, plant = Importer(path), Importer(fmu("anpc5l_6kv", version, plant=True))
+    model, s, omega = ModelController(drive), (0, 0, 0), 0.6
+    names = [v for v in plant.named if v.startswith(("is_al", "is_be", "psir", "v_n", "v_ph"))]
+    for k in range(STEPS):
+        x = dict(zip(names, plant.get(*names), strict=True))
+        ref = 0.8 * np.exp(1j * 0.62 * drive.ts_pu * k)
+        core.put(**x, v_dc=2.0, omega_s=0.62, omega_r=omega)
+        core.put(iref_alpha=ref.real, iref_beta=ref.imag)
+        core.step(ts)
+        state = MpdccState(
+            current=complex(x["is_alpha"], x["is_beta"]),
+            flux=complex(x["psir_alpha"], x["psir_beta"]), v_n=x["v_n"],
+            v_ph=(x["v_ph_a"], x["v_ph_b"], x["v_ph_c"]), current_ref=complex(ref),
+            omega_s=0.62, omega_r=omega, applied=s, vdc=2.0,
+        )  # fmt: skip
+        wanted = model.decide(state)
+        found = core.get("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
+        told = [wanted.held, wanted.deadlock, wanted.length, wanted.saturated]
+        assert found == [*wanted.apply, *told], k
+        s = wanted.apply
+        plant.put(s_a=s[0], s_b=s[1], s_c=s[2], omega_r=omega, v_dc=2.0)
+        plant.step(ts)
+    assert core.get("faults", "running") == [0, True]
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_gates_change_at_their_clocks(fmu, name: str) -> None:
+    """With early return: every edge of every gate, beside the design that computes every clock."""
+    path, drive, ts = fmu(name), load_drive(name), period_of(name)
+    core = Importer(path, early=True)
+    gates = [n for n in core.named if n.startswith("gate_")]
+    words = Encoder(drive)
+    slow = loaded(drive, variables.SYSTEMS[drive.controller])
+    measured = list(MPDCC_MEASUREMENTS if isinstance(drive, Drive) else MPTC_MEASUREMENTS)
+    clock, edges, period = 25e6, 0, round(ts * 25e6)
+    for _, given in zip(range(40), inputs_of(name), strict=False):
+        core.put(**given)
+        end = core.time + ts
+        found = []
+        while core.time < end - 1e-12:
+            core.step(end - core.time)
+            found.append((round(core.time * clock), core.get(*gates)))
+        state = state_of(drive, given)
+        for port, word in zip(measured, words.words(state)[0], strict=True):
+            slow.put(port, word)
+        slow.put("start", 1)
+        wanted, before = [], slow.get("gates")
+        for k in range(period):
+            slow.clocks(1)
+            slow.put("start", 0)
+            if slow.get("gates") != before or k == period - 1:
+                before = slow.get("gates")
+                at = round((end - ts) * clock) + k + 1
+                wanted.append((at, [bool(before >> b & 1) for b in range(len(gates))]))
+        assert found == wanted
+        edges += len(found) - 1
+    assert edges >= 5
+
+
+def state_of(drive, given: dict[str, float]) -> MpdccState | MptcState:
+    """The state of some inputs."""
+    g = given
+    current = complex(g["is_alpha"], g["is_beta"])
+    if isinstance(drive, Drive):
+        return MpdccState(
+            current=current, flux=complex(g["psir_alpha"], g["psir_beta"]), v_n=g["v_n"],
+            v_ph=(g["v_ph_a"], g["v_ph_b"], g["v_ph_c"]), omega_s=g["omega_s"],
+            current_ref=complex(g["iref_alpha"], g["iref_beta"]), omega_r=g["omega_r"],
+            applied=(0, 0, 0), vdc=g["v_dc"],
+        )  # fmt: skip
+    flux = complex(g["psis_alpha"], g["psis_beta"])
+    return MptcState(current, flux, g["omega_r"], g["torque_ref"], g["psi_ref"], 0, g["v_dc"])
+
+
+def loaded(drive, name: str) -> Design:
+    """A system set up as the FMU sets it up, at the clock of its first sample."""
+    one, registers = Design(name), registers_of(drive.controller)
+    status, fields = registers["system.status"]
+
+    def settle() -> None:
+        while one.read(status) >> fields["commit_pending"][0] & 1:
+            one.clocks(8)
+
+    settle()
+    for register, address, word in values(drive, clock=25e6).writes():
+        assert one.write(address, word), register
+    settle()
+    one.put("enable", 1)
+    one.clocks(4096)
+    control, fields = registers["system.control"]
+    assert one.write(control, packed("system.control", fields, {"enable": 1, "own_positions": 1}))
+    one.clocks(4)
+    return one
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_steps_of_any_size(fmu, name: str) -> None:
+    """At the ends of control periods everything is as with steps of one period."""
+    path, ts = fmu(name), period_of(name)
+    plain, odd = Importer(path), Importer(path)
+    rng = random.Random(2)
+    for k, given in zip(range(25), inputs_of(name), strict=False):
+        for one in (plain, odd):
+            one.put(**given)
+        plain.step(ts)
+        while (left := (k + 1) * ts - odd.time) > 1e-12:
+            odd.step(left if rng.random() < 0.2 else left * rng.random() ** 2)
+        assert plain.outputs() == odd.outputs()
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("name", DRIVES)
+def test_states_are_taken_back(fmu, name: str, version: str) -> None:
+    """In the middle of a decision, by the importer's memory and by bytes, and a reset there."""
+    path, ts = fmu(name, version), period_of(name)
+    one, other = Importer(path), Importer(path)
+
+    def on(instance: Importer, first: int) -> list[list[float]]:
+        seen = []
+        for k, given in zip(range(12), inputs_of(name), strict=False):
+            if k >= first:
+                instance.put(**given)
+                instance.step((k + 1) * ts - instance.time)
+                seen.append(instance.outputs())
+        return seen
+
+    given = next(inputs_of(name))
+    for instance in (one, other):
+        instance.put(**given)
+    one.step(0.8e-6)
+    assert one.get("busy") == [True]
+    state, time = one.one.getFMUState(), one.time
+    wanted = on(one, 0)
+    one.one.setFMUState(state)
+    one.time = time
+    assert on(one, 0) == wanted
+    kept = one.one.serializeFMUState(state)
+    other.one.setFMUState(other.one.deserializeFMUState(kept))
+    other.time = time
+    assert on(other, 0) == wanted
+    one.one.setFMUState(state)
+    one.one.reset()
+    one.begin(**given)
+    assert on(one, 0)[1:] == wanted[1:]
+
+
+def test_two_instances_share_nothing(fmu) -> None:
+    paths = [fmu(name) for name in DRIVES]
+    alone = []
+    for name, path in zip(DRIVES, paths, strict=True):
+        one = Importer(path)
+        seen = []
+        for _, given in zip(range(15), inputs_of(name), strict=False):
+            one.put(**given)
+            one.step(period_of(name))
+            seen.append(one.outputs())
+        alone.append(seen)
+    together = [Importer(path) for path in paths for _ in range(2)]
+    for k in range(15):
+        for place, one in enumerate(together):
+            name = DRIVES[place // 2]
+            one.put(**next(itertools.islice(inputs_of(name), k, None)))
+            one.step(period_of(name))
+            assert one.outputs() == alone[place // 2][k]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_what_is_wrong_is_refused(fmu, version: str) -> None:
+    name = "induction_2kw2"
+    one = Importer(fmu(name, version))
+    for given, said in [
+        ({"guard__dead_time": 1.0}, "guard.dead_time"),
+        ({"is_alpha": math.nan}, "is_alpha: got nan"),
+        ({"u_next": 1}, "u_next cannot be set"),
+    ]:
+        with pytest.raises(Exception, match=r"[Ee]rror"):
+            one.put(**given)
+        assert said in one.said[-1]
+    with pytest.raises(Exception, match=r"[Ee]rror"):
+        one.one.doStep(1.0, 1e-4)
+    assert "but the FMU is at 0 s" in one.said[-1]
+    one.put(**next(inputs_of(name)))
+    one.step(period_of(name))
+    assert one.get("cycles") == [39]
+    late = Importer(fmu(name, version), guard__current_limit=1.0)
+    for _, given in zip(range(3), inputs_of(name), strict=False):
+        late.put(**given)
+        late.step(period_of(name))
+    assert late.get("faults", "running") == [2, False]  # over-current, by the limit that was set
+    late.put(enable=0)
+    late.step(1e-4)
+    late.put(enable=1, is_alpha=0.1, is_beta=0.1)
+    late.step(3e-4)
+    assert late.get("faults", "running") == [0, True]
+
+
+def test_inputs_in_si_and_in_phases(fmu) -> None:
+    name = "anpc5l_6kv"
+    drive, ts = load_drive(name), period_of(name)
+    bases = variables._bases(drive)
+    plain, other = Importer(fmu(name)), Importer(fmu(name, si=True, phases=True))
+    for _, given in zip(range(20), inputs_of(name), strict=False):
+        plain.put(**given)
+        si = {n: v * bases[n.split("_al")[0].split("_be")[0]][0] for n, v in given.items()}
+        alpha, beta = si.pop("is_alpha"), si.pop("is_beta")
+        si |= {"is_a": alpha, "is_b": -alpha / 2 + beta * math.sqrt(0.75)}
+        other.put(**si, is_c=-si["is_a"] - si["is_b"])
+        plain.step(ts)
+        other.step(ts)
+        assert plain.get("s_a", "s_b", "s_c") == other.get("s_a", "s_b", "s_c")
+
+
+def test_plants_are_those_of_the_library(fmu) -> None:
+    rng = random.Random(4)
+    drive = load_drive("anpc5l_6kv")
+    one, wanted = Importer(fmu("anpc5l_6kv", plant=True)), Plant(drive, 0.5)
+    names = [n for n in one.named if n.startswith(("is_al", "is_be", "psir", "v_n", "v_ph"))]
+    for _ in range(50):
+        s, omega = tuple(rng.randrange(8) for _ in "abc"), rng.uniform(-1, 1)
+        wanted.omega_r = omega
+        one.put(s_a=s[0], s_b=s[1], s_c=s[2], omega_r=omega, v_dc=drive.inverter.vdc)
+        one.step(drive.control.ts)
+        np.testing.assert_allclose(one.get(*names), wanted.step(s), rtol=0, atol=1e-12)
+    two = load_drive("induction_2kw2")
+    one, p = Importer(fmu("induction_2kw2", plant=True)), plant_parameters(two)
+    i = psi = 0j
+    for _ in range(50):
+        u, omega, size = rng.randrange(8), rng.uniform(-300, 300), rng.uniform(1e-6, 1e-3)
+        i, psi = advance(p, i, psi, omega, u, size)
+        one.put(u=u, omega_r=omega, v_dc=540.0)
+        one.step(size)
+        found = one.get("is_alpha", "is_beta", "psis_alpha", "psis_beta")
+        np.testing.assert_allclose(
+            found, [i.real, i.imag, psi.real, psi.imag], rtol=1e-9, atol=1e-9
+        )
+
+
+def test_memory_stands(fmu) -> None:
+    """Steps and rollbacks take none; an instance has less than 10 MB."""
+    name = "induction_2kw2"
+    path, ts = fmu(name), period_of(name)
+    one = Importer(path)
+
+    def grown(work: Callable[[], object]) -> float:
+        """MB that the process has grown by."""
+        work()
+        before = used()
+        work()
+        return used() - before
+
+    def used() -> float:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        return pages * resource.getpagesize() / 1e6
+
+    def steps() -> None:
+        for _ in range(5000):
+            one.step(ts)
+        for _ in range(500):
+            state = one.one.getFMUState()
+            one.one.setFMUState(state)
+            one.one.freeFMUState(state)
+
+    assert grown(steps) < 1.0
+    before, many = used(), [Importer(path) for _ in range(5)]
+    assert (used() - before) / len(many) < 10.0
+
+
+def test_the_command(tmp_path: Path, capsys) -> None:
+    out = tmp_path / "drive.fmu"
+    assert main(["fmu", "anpc5l_6kv", "--plant", "--no-windows", "--out", str(out)]) == 0
+    assert capsys.readouterr().out == f"{out}\n"
+    assert validate_fmu(str(out)) == []
+    assert main(["fmu", "anpc5l_6kv", "--plant", "--si", "--out", str(out)]) == 2
+    assert "--plant has none of them" in capsys.readouterr().err
+    assert main(["fmu", "induction_2kw2", "--clock", "33e6", "--out", str(out)]) == 0
+    for clock, said in (("30.001e6", "control.ts"), ("1", "clock")):
+        assert main(["fmu", "induction_2kw2", "--clock", clock, "--out", str(out)]) == 2
+        assert said in capsys.readouterr().err
+    assert main(["fmu", "anpc5l_6kv", "--out", str(tmp_path / "drive.zip")]) == 2
+    assert "ends with .fmu" in capsys.readouterr().err
+
+
+def test_the_program_of_the_page(fmu, tmp_path: Path, monkeypatch, capsys) -> None:
+    name = "induction_2kw2"
+    (tmp_path / "controller.fmu").write_bytes(fmu(name).read_bytes())
+    (tmp_path / "plant.fmu").write_bytes(fmu(name, plant=True).read_bytes())
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "fmu.md").read_text(encoding="utf-8")
+    exec(page.partition("```python\n")[2].partition("```")[0], {})
+    assert abs(float(capsys.readouterr().out) - 7.0) < 0.5
+
+
+def test_a_fault_in_the_verilog_is_seen(fmu, tmp_path: Path, monkeypatch) -> None:
+    """A choice that prefers the wrong vector: the loop no longer is the model's."""
+    native.write(["mptc_system"])
+    text = library.verilog_of("mptc_system").read_text(encoding="utf-8")
+    at = text.index("assign u_next =")
+    end = text.index(";", at)
+    (tmp_path / "mptc_system.v").write_text(f"{text[:end]} ^ 3'b001{text[end:]}", encoding="utf-8")
+    monkeypatch.setattr(library, "VERILOG", tmp_path)
+    wrong = write_controller(load_drive("induction_2kw2"), tmp_path / "wrong.fmu", windows=False)
+    with pytest.raises(AssertionError):
+        test_a_loop_of_mptc_is_the_models(
+            lambda name, version, plant=False: fmu(name, version, plant=True) if plant else wrong,
+            "3.0",
+        )
