@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from directmpc.mpdcc import formats as mpdcc_formats
-from directmpc.mpdcc.coefficients import INDEX
+from directmpc.mpdcc.coefficients import BUILT, INDEX
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc.coefficients import COEFFICIENTS, registers
 from scripts.hdl import conversion, netlist_check
@@ -147,7 +147,9 @@ def _mpdcc() -> Vectors:
         ]
     )
     held = tuple(
-        f"c_{name}" if place < INDEX["bound_current"] else name for name, place in INDEX.items()
+        f"c_{name}" if place < INDEX["bound_current"] else name
+        for name, place in INDEX.items()
+        if name not in BUILT
     )
     inputs = {name: measured[:, i] for i, name in enumerate(mpdcc_formats.MEASUREMENTS)}
     inputs |= {f"s_prev_{x}": s_prev[:, i] for i, x in enumerate("abc")}

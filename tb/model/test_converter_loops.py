@@ -6,7 +6,7 @@ Checks: the loop keeps its bounds and switches along the graph; the model decide
 controller does; a converter without capacitors has none in its state; the plant follows the matrix
 exponential of its equations; `simulate` and `decide` take such a drive; positions that a converter
 has not got, and what is built for the usual one alone, are refused.
-Does not prove: the RTL.
+Does not prove: the RTL, see tb/rtl/mpdcc/mpdcc_core/test_converters.py.
 """
 
 from __future__ import annotations

@@ -163,6 +163,7 @@ def any_node(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     for name in ("bound_current", "bound_neutral", "bound_phase"):
         register[INDEX[name]] = rng.integers(100, BOUND + 1)
     register[INDEX["horizon"]] = LONGEST
+    register[INDEX["first_row"]] = 0
     words = {
         name: int(rng.integers(-32768, 32768)) >> rng.integers(8) if word.signed else 40_000
         for name, word in f.MEASUREMENTS.items()

@@ -1,0 +1,105 @@
+"""``mpdcc_core`` with the package of another converter, against its bit-true model.
+
+Sweep: three-level NPC and two-level converter; one and two explorers; SE and SESE with delay
+compensation; both variants.
+Stimulus: closed loops of the model around the plant of each converter; every s(k-1) of the NPC.
+Checks: all fields of every decision; most clocks of a search of 27 candidates; a slip in the
+package is noticed.
+Timing: at most 80 clocks for 27 candidates.
+Does not prove: systems and boards, which serve the usual converter alone.
+"""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from directmpc import load_drive
+from directmpc.mpdcc import closed_loop, tables
+from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.variants import VARIANTS
+from scripts.hdl import converter_package
+from scripts.hdl import mpdcc_rows as core
+from scripts.hdl.mpdcc_rows import Rows
+
+MOST_CLOCKS = 80
+
+
+def drive_of(name: str, **control: object) -> Drive:
+    drive = load_drive("npc3l_3kv3")
+    assert isinstance(drive, Drive)
+    return drive.changed(inverter={"topology": name}, control=control)
+
+
+def rows_of(drive: Drive, variant: str, steps: int) -> Rows:
+    """What the model saw and decided on in closed loop."""
+    chosen = VARIANTS[variant]
+    array = chosen.registers(drive).array()
+    point = closed_loop.OperatingPoint(0.6)
+    found = closed_loop.simulate(drive, chosen.decide, array, point, steps, settle=50, seed=4)
+    rows = core.of_trace(found.seen, array)
+    # as recorded, and once more from every position in turn: those are searches
+    every = np.array(list(itertools.product(range(drive.converter.positions), repeat=3)))
+    others = Rows(rows.measurements, every[np.arange(len(rows)) % len(every)], rows.registers)
+    return core.join([rows, others])
+
+
+@pytest.mark.parametrize(
+    ("name", "explorers", "variant", "control"),
+    [
+        ("npc3l", 1, "fast", {}),
+        ("npc3l", 2, "fast", {"switching_horizon": "SESE", "delay_compensation": True}),
+        ("npc3l", 2, "paper", {"deadlock_rule": "largest", "outside_rule": "dead"}),
+        ("two_level", 2, "fast", {}),
+    ],
+)
+def test_the_core_decides_as_its_model(
+    name: str, explorers: int, variant: str, control: dict[str, object]
+) -> None:
+    drive = drive_of(name, **control)
+    rows = rows_of(drive, variant, 120)
+    expected = rows.model(variant)
+    found = core.simulate(rows, explorers, variant)
+    assert np.array_equal(found.decisions, expected)
+    searched = expected[:, 3] == 0
+    assert searched.sum() > 40
+    assert set(expected[:, :3].ravel().tolist()) == set(range(drive.converter.positions))
+    if not control:
+        assert found.cycles[searched].max() <= MOST_CLOCKS
+
+
+@pytest.mark.parametrize(
+    ("text", "slip"),
+    [
+        ('CURRENT : positions_mask_t := "0010001', 'CURRENT : positions_mask_t := "0010000'),
+        ("(1, 0, 1, 1),", "(1, 0, 3, 3),"),
+        ("NEXT_LAST : next_last_t := (1, 2,", "NEXT_LAST : next_last_t := (1, 1,"),
+    ],
+    ids=["neutral current", "weight", "last"],
+)  # fmt: skip
+def test_a_slip_in_the_package_is_noticed(text: str, slip: str, tmp_path: Path) -> None:
+    rtl = tmp_path / "rtl"
+    shutil.copytree(converter_package.rtl_of("npc3l"), rtl)
+    package = rtl / converter_package.PACKAGE.relative_to(converter_package.RTL)
+    whole = package.read_text(encoding="utf-8")
+    assert text in whole
+    package.write_text(whole.replace(text, slip), encoding="utf-8")
+    rows = rows_of(drive_of("npc3l"), "fast", 40)
+    found = core.simulate(rows, 2, "fast", rtl=rtl)
+    assert not np.array_equal(found.decisions, rows.model("fast"))
+
+
+def test_rows_of_two_converters_have_no_core() -> None:
+    rows = [rows_of(drive_of(name), "fast", 20) for name in ("npc3l", "two_level")]
+    with pytest.raises(ValueError, match="the rows are for several converters"):
+        core.simulate(core.join(rows), 1, "fast")
+
+
+def test_the_usual_design_is_the_checked_in_one() -> None:
+    assert converter_package.rtl_of(tables.DEFAULT) == converter_package.RTL
+    text = converter_package.PACKAGE.read_text(encoding="utf-8")
+    assert text == converter_package.text()
