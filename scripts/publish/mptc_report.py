@@ -238,7 +238,7 @@ def replayed(runs: dict[str, tuple[MptcDrive, Run]]) -> dict[str, Any]:
         np.any(answered[:, [0, 2, 3, 1]] != told, axis=1).sum()
     )
     if differing:
-        raise ReportError(f"{differing} decisions of the RTL differ from the twin's")
+        raise ReportError(f"{differing} decisions of the RTL differ from the model's")
     return {
         "runs": len(runs),
         "rows": checked.checked,
@@ -554,7 +554,7 @@ def _manual_tables(figures: dict[str, Any]) -> dict[str, str]:
         )
     tour = [["RTL in the loop, motulator's machine, J = 0.015 kg m^2", *figures["tour"]]]
     for label, name, digits in (
-        ("periods, all decided as the twin does", "periods", 0),
+        ("periods, all decided as by the model", "periods", 0),
         ("magnetised to 0.88 Wb, ms", "ms_to_flux", 1),
         ("start to 1400 r/min, ms", "ms_to_1400_rpm", 0),
         (f"speed lost under a step of {TOUR_LOAD:g} N m, r/min", "dip_under_load_rpm", 0),
@@ -577,7 +577,7 @@ def _manual_tables(figures: dict[str, Any]) -> dict[str, str]:
          f"{fit['mpfc_worst_point_mismatch_pct']:.2f} %"],
         ["largest lead of ideal's choice among them", f"{fit['worst_lead_nm']:.3f} N m",
          f"{1e3 * fit['mpfc_worst_lead_wb']:.2f} mWb"],
-        ["rows of all runs on the RTL, that differ from the twin",
+        ["rows of all runs on the RTL; that differ from the model",
          f"{figures['replay']['rows']}, {figures['replay']['differing']}", "(both)"],
     ]  # fmt: skip
     link = [["1500 r/min, 14 N m asked, 540 V", "torque, N m", "flux, Wb", "torque ripple, N m"]]

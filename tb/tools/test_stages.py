@@ -217,7 +217,9 @@ def test_a_command_in_place_publishes_nothing(
 def test_every_study_has_its_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     found = report.studies(1)
     assert tuple(one.name for one in found) == report.STUDIES
-    assert all(one.publish for one in found)
+    # a sentence of docs/robustness.md has what these two find, and metrics.json their figures
+    untabled = {"noise-decisions", "random-decisions"}
+    assert {one.name for one in found if not one.publish} == untabled
     keys = {one.name: one.key() for one in found}
     assert len(set(keys.values())) == len(keys)
     # the simulator is part of what the RTL's stages depend on
