@@ -18,7 +18,7 @@ from directmpc.host.registers import (
     values,
 )
 from directmpc.mpdcc import plant as mpdcc_plant
-from directmpc.mpdcc.drive import Drive, FiveLevelDrive
+from directmpc.mpdcc.drive import Drive, FiveLevelDrive, only_default
 from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc.drive import MptcDrive
@@ -389,9 +389,15 @@ def plant(drive: FiveLevelDrive | MptcDrive, name: str) -> Model:
     -------
     Model
         Its variables and lines.
+
+    Raises
+    ------
+    ValueError
+        If the drive has another converter than the usual one.
     """
     model = Model(name, f"Exact plant of {name}", "plant", drive.control.ts)
     if isinstance(drive, FiveLevelDrive):
+        only_default(drive)
         data = mpdcc_plant.plant_data(
             drive.machine, drive.inverter.xdc, drive.inverter.xph, drive.ts_pu
         )
