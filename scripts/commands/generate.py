@@ -11,6 +11,7 @@ from scripts.shared.command import Command
 GENERATORS = (
     "mpdcc_package",
     "mptc_package",
+    "kbest_package",
     "observer_packages",
     "core_shells",
     "register_files",

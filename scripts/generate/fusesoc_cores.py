@@ -27,9 +27,10 @@ from scripts.shared.tools import ROOT
 #: Entities that users instantiate.
 PUBLIC = (
     "mpdcc_core", "mpdcc_scheduler", "mpdcc_explorer", "mptc_core", "mptc_family_core",
-    "mptc_drive", "binary_search", "mac_block", "state_observer", "mptc_speed_observer",
-    "vector_sequencer", "gate_guard", "gate_release", "clock_monitor", "sync_bits",
-    "axi_lite_master", "boot_loader", "host_link", "mpdcc_system", "mptc_system", "board_top",
+    "mptc_drive", "kbest_core", "binary_search", "mac_block", "state_observer",
+    "mptc_speed_observer", "vector_sequencer", "gate_guard", "gate_release", "clock_monitor",
+    "sync_bits", "axi_lite_master", "boot_loader", "host_link", "mpdcc_system", "mptc_system",
+    "board_top",
 )  # fmt: skip
 #: Those of them that stand around a core or a system: their headers say all, and they have no page.
 PARTS = ("gate_release", "clock_monitor", "sync_bits", "axi_lite_master", "boot_loader")

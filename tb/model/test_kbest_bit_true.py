@@ -56,8 +56,8 @@ class Slow:
         """Terms of the whole decision."""
         r = self.r
         x = self.word(near(m["omega_s"] * r["angle"], 16), 18)
-        less = x * x >> 14
-        sine = x - ((x * less >> 23) * round(2**17 / 3) >> 17)
+        less = self.word(near(x * x, 14), 18)
+        sine = self.word(x + near(-near(x * less, 23) * round(2**17 / 3), 17), 18)
         self.angle = (
             less,
             self.word(near(sine * round(2**16 * 3**0.5), 17), 18),
@@ -67,8 +67,7 @@ class Slow:
         self.reference = 4 * m["iref_alpha"], near(m["iref_beta"] * root, 15)
         flux_u, flux_w = 4 * m["psir_alpha"], near(m["psir_beta"] * root, 15)
         square = self.word(near(m["omega_r"] ** 2, 16), 18)
-        straight = r["flux_0"] + self.word(near(square * r["flux_2"], 16), 18)
-        straight = self.word(straight, 18)
+        straight = self.word(r["flux_0"] + near(square * r["flux_2"], 16), 18)
         across_u = self.word(near(m["omega_r"] * r["flux_u"], 16), 18)
         across_w = self.word(near(m["omega_r"] * r["flux_w"], 16), 18)
         u, w = self.reference
@@ -145,7 +144,7 @@ class Slow:
         return cost, rank
 
     def decide(self, words: Any, s_prev: Any, plan: list[int]) -> list[int]:
-        """Code, then the next plan."""
+        """Code, the next plan, the key."""
         m = dict(zip(formats.MEASUREMENTS, (int(w) for w in words), strict=True))
         self.saturated = False
         self.begin(m)
@@ -193,7 +192,7 @@ class Slow:
         following = [*codes[1:], 0]
         if odd:
             following[short - 1 :] = [0, *codes[short:]]
-        return [codes[0], *following, 1 - odd]
+        return [codes[0], *following, 1 - odd, found[0][1]]
 
 
 def random_words(rng: np.random.Generator, rows: int, extreme: float) -> np.ndarray:
@@ -223,8 +222,8 @@ def agree(drive: KbestDrive, words: np.ndarray, rng: np.random.Generator) -> tup
         plan = rng.integers(-2, 12, slow.stages + 1)
         s_prev = rng.integers(0, 8, 3)
         following = np.empty_like(plan)
-        code, flag, _ = bit_true.decide_words(parameters, row, s_prev, plan, following)
-        assert [code, *following] == slow.decide(row, s_prev, plan.tolist())
+        code, flag, _, key = bit_true.decide_words(parameters, row, s_prev, plan, following)
+        assert [code, *following, key] == slow.decide(row, s_prev, plan.tolist())
         assert flag == slow.saturated
         saturated += flag
         codes.add(int(code))
@@ -266,7 +265,9 @@ def test_a_decision_is_seldom_unlike_the_ideal_ones() -> None:
             for k in range(len(rows)):
                 row = row_of(rows, k)
                 words, clipped = bit_true.encode_row(*row[:-1])
-                code, saturated, _ = bit_true.decide_words(model, words, row[-1], exact.plan, other)
+                code, saturated, _, _ = bit_true.decide_words(
+                    model, words, row[-1], exact.plan, other
+                )
                 assert not saturated
                 assert not clipped
                 following = np.empty_like(exact.plan)
@@ -309,7 +310,7 @@ def test_candidates_do_not_exceed_their_bound() -> None:
         following = np.empty_like(plan)
         most = 0
         for row in random_words(rng, 60, 0.1):
-            code, _, count = bit_true.decide_words(
+            code, _, count, _ = bit_true.decide_words(
                 parameters, row, np.array([3, 4, 3]), plan, following
             )
             most = max(most, count)

@@ -178,9 +178,12 @@ def start_terms(r, words, reference, drift, turn, level):
     angle, clip = rounded(omega_s * r[_ANGLE], f.SPEED_FRACTION, f.FACTOR_WIDTH)
     saturated = clip
     # 1 - cos = x^2/2 and sin = x - x/3 (1 - cos), up to the fourth power of x
-    turn[0] = (angle * angle) >> (2 * f.ANGLE_FRACTION + 1 - f.COSINE_FRACTION)
-    cubic = (angle * turn[0]) >> f.COSINE_FRACTION
-    sine = angle - ((cubic * THIRD) >> 17)
+    shift = 2 * f.ANGLE_FRACTION + 1 - f.COSINE_FRACTION
+    turn[0], clip = rounded(angle * angle, shift, f.FACTOR_WIDTH)
+    saturated |= clip
+    cubic, _ = rounded(angle * turn[0], f.COSINE_FRACTION, f.FACTOR_WIDTH)
+    less, _ = rounded(-cubic * THIRD, 17, f.FACTOR_WIDTH)
+    sine, _ = saturate(angle + less, f.FACTOR_WIDTH)
     turn[1], clip = rounded(sine * ROOT, f.ANGLE_FRACTION + 16 - f.SINE_FRACTION, f.FACTOR_WIDTH)
     saturated |= clip
     turn[2], clip = rounded(
@@ -194,11 +197,11 @@ def start_terms(r, words, reference, drift, turn, level):
     flux_w, _ = rounded(words[3] * INVERSE_ROOT, 17 - f.FLUX_SHIFT, f.VECTOR_WIDTH)
 
     square, clip = rounded(omega_r * omega_r, f.SPEED_FRACTION, f.FACTOR_WIDTH)
-    more, clip2 = rounded(square * r[_FLUX_2], f.SPEED_FRACTION, f.FACTOR_WIDTH)
+    more = (square * r[_FLUX_2] + (1 << (f.SPEED_FRACTION - 1))) >> f.SPEED_FRACTION
     straight, clip3 = saturate(r[_FLUX_0] + more, f.FACTOR_WIDTH)
     across_u, clip4 = rounded(omega_r * r[_FLUX_U], f.SPEED_FRACTION, f.FACTOR_WIDTH)
     across_w, clip5 = rounded(omega_r * r[_FLUX_W], f.SPEED_FRACTION, f.FACTOR_WIDTH)
-    saturated |= clip | clip2 | clip3 | clip4 | clip5
+    saturated |= clip | clip3 | clip4 | clip5
 
     # sums of products with COSINE_FRACTION bits below one
     by_sine = f.COSINE_FRACTION - f.SINE_FRACTION
@@ -376,6 +379,8 @@ def decide_words(parameters, words, s_prev, plan, following):
         1 where a word did not hold its value.
     candidates : int
         Children that were evaluated.
+    cost : int
+        Key of the plan found.
     """
     r, t = parameters.registers, parameters.tables
     stages, beam = r[_STAGES], r[_BEAM]
@@ -543,7 +548,7 @@ def decide_words(parameters, words, s_prev, plan, following):
             following[j - 1] = chosen
         at = parents[j, at]
     following[stages] = 1 - odd
-    return chosen, saturated, candidates
+    return chosen, saturated, candidates, key[0]
 
 
 @njit
@@ -603,7 +608,7 @@ def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """
     words, clipped = encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r)
     following = np.empty_like(parameters.plan)
-    code, saturated, _ = decide_words(parameters, words, s_prev, parameters.plan, following)
+    code, saturated, _, _ = decide_words(parameters, words, s_prev, parameters.plan, following)
     parameters.plan[:] = following
     s_a, s_b, s_c = s_prev[0], s_prev[1], s_prev[2]
     if code != KEEP:

@@ -1,0 +1,319 @@
+-- Records of the K-best core.
+--
+-- Vectors stand in the coordinates u = x_alpha and w = x_beta / sqrt(3); docs/specification.md, section
+-- 10.7, has scales and equations.
+-- Licence: Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library work;
+  use work.kbest_constants.all;
+
+package kbest_types is
+
+  subtype factor_t is signed(FACTOR_WIDTH - 1 downto 0);
+
+  subtype error_t is signed(ERROR_WIDTH - 1 downto 0);
+
+  subtype voltage_t is signed(VOLTAGE_WIDTH - 1 downto 0);
+
+  subtype cost_t is unsigned(COST_WIDTH - 1 downto 0);
+
+  subtype position_t is unsigned(2 downto 0);
+
+  subtype code_t is unsigned(3 downto 0);
+
+  subtype slot_t is unsigned(3 downto 0);
+
+  -- sums of costs before they are limited
+
+  subtype wide_cost_t is unsigned(30 downto 0);
+
+  -- what a key adds for v_ph
+
+  subtype ahead_cost_t is unsigned(19 downto 0);
+
+  type aheads_t is array (0 to 2) of ahead_cost_t;
+
+  type voltages_t is array (0 to 2) of voltage_t;
+
+  type positions_t is array (0 to 2) of position_t;
+
+  type errors_t is array (0 to 2) of error_t;
+
+  -- coefficients of the load, in port order, see directmpc.kbest.formats
+  type coefficients_t is record
+    angle     : factor_t;
+    decay_1   : factor_t;
+    decay_2   : factor_t;
+    flux_0    : factor_t;
+    flux_2    : factor_t;
+    flux_u    : factor_t;
+    flux_w    : factor_t;
+    forced_1  : factor_t;
+    forced_2  : factor_t;
+    level_1   : factor_t;
+    level_2   : factor_t;
+    neutral   : factor_t;
+    capacitor : factor_t;
+  end record coefficients_t;
+
+  -- settings of the search, see directmpc.kbest.formats
+  type settings_t is record
+    effort         : unsigned(EFFORT_WIDTH - 1 downto 0); -- lambda_u
+    bound_neutral  : unsigned(VOLTAGE_WIDTH - 2 downto 0); -- where the cost of v_n's excess begins
+    bound_phase    : unsigned(VOLTAGE_WIDTH - 2 downto 0); -- the same of v_ph
+    weight_neutral : unsigned(3 downto 0); -- exponent of two, 0 to 10
+    weight_phase   : unsigned(3 downto 0); -- the same of v_ph
+  end record settings_t;
+
+  -- what all nodes of a stage share
+  type stage_t is record
+    long    : std_logic;  -- '1': two steps, '0': one
+    drift_u : error_t;    -- drift of the error
+    drift_w : error_t;
+    level   : factor_t;   -- change of the error by a quarter of v_dc
+    forced  : factor_t;   -- by a voltage
+    decay   : factor_t;   -- of the error
+    neutral : voltages_t; -- what the charge of a phase takes from v_n
+    phase   : voltages_t; -- what it adds to v_ph
+  end record stage_t;
+
+  constant STAGE_INIT : stage_t := (
+    '0', (others => '0'), (others => '0'), (others => '0'), (others => '0'), (others => '0'),
+    (others => (others => '0')), (others => (others => '0'))
+  );
+
+  -- state of a node
+  type node_t is record
+    u         : error_t;
+    w         : error_t;
+    v_n       : voltage_t;
+    d         : voltages_t; -- v_ph - v_dc/4
+    cost      : cost_t;     -- J
+    positions : positions_t;
+  end record node_t;
+
+  constant NODE_WIDTH : natural := 2 * ERROR_WIDTH + 4 * VOLTAGE_WIDTH + COST_WIDTH + 9;
+
+  constant NODE_INIT : node_t := (
+    (others => '0'), (others => '0'), (others => '0'), (others => (others => '0')), (others => '0'),
+    (others => (others => '0'))
+  );
+
+  function to_word (node : node_t) return std_logic_vector;
+
+  function to_node (bits : std_logic_vector) return node_t;
+
+  -- change of an error by the voltage of a phase
+
+  subtype change_t is signed(ERROR_WIDTH downto 0);
+
+  type changes_t is array (0 to 2) of change_t;
+
+  type wide_costs_t is array (0 to 2) of wide_cost_t;
+
+  -- a node with what its children share
+  type prepared_t is record
+    node       : node_t;
+    stage      : stage_t;
+    keep_u     : signed(ERROR_WIDTH + 3 downto 0); -- error of the child that keeps, not limited yet
+    keep_w     : signed(ERROR_WIDTH + 3 downto 0);
+    on_neutral : error_t;      -- change of the error by v_n
+    on_phase   : errors_t;     -- by v_ph - v_dc/4
+    change     : changes_t;    -- by the voltage of each phase at its position
+    drawn      : signed(VOLTAGE_WIDTH + 2 downto 0); -- v_n of the child that keeps, not limited yet
+    d          : voltages_t;   -- v_ph - v_dc/4 of that child
+    costs      : wide_costs_t; -- cost of v_ph's excess of that child, each phase
+    aheads     : aheads_t;     -- what the key adds for v_ph, each phase
+  end record prepared_t;
+
+  constant PREPARED_INIT : prepared_t := (
+    NODE_INIT, STAGE_INIT, (others => '0'), (others => '0'), (others => '0'), (others => (others => '0')),
+    (others => (others => '0')), (others => '0'), (others => (others => '0')),
+    (others => (others => '0')), (others => (others => '0'))
+  );
+
+  -- value times -2 to 2
+  function times (value : signed; factor : integer) return signed;
+
+  -- change of an error by the voltage of a phase at a position
+  function change_of (s : position_t; level : factor_t; on_neutral, on_phase : error_t) return change_t;
+
+  -- excess of a voltage over a bound, not negative
+  function excess (value : voltage_t; bound : unsigned) return factor_t;
+
+  -- where a straight line leads in 8 or 4 times its stage, limited to a factor
+  function ahead (now, before : signed; long : std_logic; steps, low : natural) return factor_t;
+
+  -- square of a product's cost: shifted right, one less for a long stage
+  function cost_of (square : unsigned; shift : natural; weight : unsigned; long : std_logic) return wide_cost_t;
+
+end package kbest_types;
+
+package body kbest_types is
+
+  function to_word (node : node_t) return std_logic_vector is
+  begin
+
+    return std_logic_vector(node.u) & std_logic_vector(node.w) & std_logic_vector(node.v_n)
+           & std_logic_vector(node.d(0)) & std_logic_vector(node.d(1)) & std_logic_vector(node.d(2))
+           & std_logic_vector(node.cost) & std_logic_vector(node.positions(0))
+           & std_logic_vector(node.positions(1)) & std_logic_vector(node.positions(2));
+
+  end function to_word;
+
+  function to_node (bits : std_logic_vector) return node_t is
+
+    variable rest : std_logic_vector(NODE_WIDTH - 1 downto 0);
+    variable node : node_t;
+    variable at   : natural;
+
+  begin
+
+    rest := bits;
+
+    for x in 2 downto 0 loop
+      node.positions(x) := unsigned(rest((2 - x) * 3 + 2 downto (2 - x) * 3));
+    end loop;
+
+    at        := 9;
+    node.cost := unsigned(rest(at + COST_WIDTH - 1 downto at));
+    at        := at + COST_WIDTH;
+
+    for x in 2 downto 0 loop
+      node.d(x) := signed(rest(at + VOLTAGE_WIDTH - 1 downto at));
+      at        := at + VOLTAGE_WIDTH;
+    end loop;
+
+    node.v_n := signed(rest(at + VOLTAGE_WIDTH - 1 downto at));
+    at       := at + VOLTAGE_WIDTH;
+    node.w   := signed(rest(at + ERROR_WIDTH - 1 downto at));
+    at       := at + ERROR_WIDTH;
+    node.u   := signed(rest(at + ERROR_WIDTH - 1 downto at));
+    return node;
+
+  end function to_node;
+
+  function times (value : signed; factor : integer) return signed is
+
+    variable wide   : signed(value'length + 1 downto 0);
+    variable result : signed(value'length + 1 downto 0);
+
+  begin
+
+    wide := resize(value, value'length + 2);
+
+    case factor is
+
+      when -2 =>
+        result := -shift_left(wide, 1);
+
+      when -1 =>
+        result := -wide;
+
+      when 1 =>
+        result := wide;
+
+      when 2 =>
+        result := shift_left(wide, 1);
+
+      when others =>
+        result := (others => '0');
+
+    end case;
+
+    return result;
+
+  end function times;
+
+  function change_of (s : position_t; level : factor_t; on_neutral, on_phase : error_t) return change_t is
+
+    variable index : natural range 0 to 7;
+
+  begin
+
+    index := to_integer(s);
+    return resize(times(level, LEVEL_OF(index)), change_t'length)
+           + resize(times(on_neutral, NEUTRAL_OF(index)), change_t'length)
+           + resize(times(on_phase, CAPACITOR_OF(index)), change_t'length);
+
+  end function change_of;
+
+  function excess (value : voltage_t; bound : unsigned) return factor_t is
+
+    variable over : signed(VOLTAGE_WIDTH downto 0);
+
+  begin
+
+    over := abs(resize(value, VOLTAGE_WIDTH + 1)) - signed(resize(bound, VOLTAGE_WIDTH + 1));
+
+    if (over(over'high) = '1') then
+      over := (others => '0');
+    end if;
+
+    -- the most negative word at a bound of zero is one too many
+    if (over(VOLTAGE_WIDTH - 1) = '1') then
+      over := to_signed(2 ** (VOLTAGE_WIDTH - 1) - 1, VOLTAGE_WIDTH + 1);
+    end if;
+
+    return resize(over, FACTOR_WIDTH);
+
+  end function excess;
+
+  function ahead (now, before : signed; long : std_logic; steps, low : natural) return factor_t is
+
+    variable wide : signed(now'length + steps + 1 downto 0);
+
+  begin
+
+    wide := resize(now, wide'length) - resize(before, wide'length);
+
+    if (long = '1') then
+      wide := shift_left(wide, steps - 1);
+    else
+      wide := shift_left(wide, steps);
+    end if;
+
+    wide := shift_right(wide + resize(now, wide'length), low);
+
+    if (wide > 2 ** (FACTOR_WIDTH - 1) - 1) then
+      wide := to_signed(2 ** (FACTOR_WIDTH - 1) - 1, wide'length);
+    elsif (wide < -2 ** (FACTOR_WIDTH - 1)) then
+      wide := to_signed(-2 ** (FACTOR_WIDTH - 1), wide'length);
+    end if;
+
+    return resize(wide, FACTOR_WIDTH);
+
+  end function ahead;
+
+  function cost_of (square : unsigned; shift : natural; weight : unsigned; long : std_logic) return wide_cost_t is
+
+    variable wide   : unsigned(square'length + 11 downto 0);
+    variable result : wide_cost_t;
+
+  begin
+
+    -- up by the weight and a long stage, then down
+    wide := shift_left(resize(square, wide'length), to_integer(weight));
+
+    if (long = '1') then
+      wide := shift_left(wide, 1);
+    end if;
+
+    wide := shift_right(wide, shift);
+
+    -- beyond any cost, and small enough for sums of them
+    if (wide >= 2 ** (COST_WIDTH + 1)) then
+      result := to_unsigned(2 ** (COST_WIDTH + 1) - 1, result'length);
+    else
+      result := resize(wide, result'length);
+    end if;
+
+    return result;
+
+  end function cost_of;
+
+end package body kbest_types;
