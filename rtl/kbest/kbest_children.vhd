@@ -81,7 +81,7 @@ architecture rtl of kbest_children is
   signal phase    : natural range 0 to 2;
   signal index    : natural range 0 to 2;
   signal moving   : std_logic;
-  signal final    : std_logic; -- '1': no child follows
+  signal ending    : std_logic; -- '1': no child follows
 
   -- first register
   signal tags     : tags_t;
@@ -170,9 +170,9 @@ begin
 
   moving <= '0' when code = 0 else
             '1';
-  final  <= '1' when single = '1' or (moving = '1' and phase = 2 and index = count(active.node.positions(2)) - 1) else
+  ending  <= '1' when single = '1' or (moving = '1' and phase = 2 and index = count(active.node.positions(2)) - 1) else
             '0';
-  busy   <= running and not final;
+  busy   <= running and not ending;
 
   p_issue : process (clk) is
 
@@ -183,7 +183,7 @@ begin
 
     if rising_edge(clk) then
       if (running = '1') then
-        if (final = '1') then
+        if (ending = '1') then
           running <= '0';
         elsif (moving = '0') then
           code  <= to_unsigned(1, code'length);

@@ -66,7 +66,7 @@ architecture rtl of kbest_list is
 
   signal entries : entries_t;
   signal now     : entries_t;                           -- as the child finds them
-  signal before  : std_logic_vector(BEAM - 1 downto 0); -- '1': entry stands in front of the child
+  signal in_front  : std_logic_vector(BEAM - 1 downto 0); -- '1': entry stands in front of the child
   signal reaching   : std_logic_vector(BEAM - 1 downto 0); -- '1': entry is not behind the one that is driven out
   signal freed   : slot_t;                              -- slot of the one that is driven out
 
@@ -96,10 +96,10 @@ begin
   begin
 
     for i in 0 to BEAM - 1 loop
-      before(i) <= '0';
+      in_front(i) <= '0';
 
       if (now(i).used = '1' and planned = '0' and not (key < now(i).key)) then
-        before(i) <= '1';
+        in_front(i) <= '1';
       end if;
 
       same(i) := '0';
@@ -143,7 +143,7 @@ begin
 
   end process p_compare;
 
-  accepted <= '1' when insert = '1' and (reaching and not before) /= (BEAM - 1 downto 0 => '0') else
+  accepted <= '1' when insert = '1' and (reaching and not in_front) /= (BEAM - 1 downto 0 => '0') else
               '0';
   slot     <= freed;
 
@@ -155,8 +155,8 @@ begin
         for i in 0 to BEAM - 1 loop
           entries(i) <= now(i);
 
-          if (reaching(i) = '1' and before(i) = '0') then
-            if (i = 0 or before(maximum_of(i - 1, 0)) = '1') then
+          if (reaching(i) = '1' and in_front(i) = '0') then
+            if (i = 0 or in_front(maximum_of(i - 1, 0)) = '1') then
               entries(i) <= ('1', key, positions, freed);
             else
               entries(i) <= now(maximum_of(i - 1, 0));

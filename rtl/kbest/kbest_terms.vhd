@@ -69,7 +69,7 @@ architecture rtl of kbest_terms is
 
   constant IDLE : step_t := (NONE, NONE, 0, false, true, false, NONE, NONE);
 
-  constant PROGRAM : program_t := (
+  constant WORK_STEPS : program_t := (
     (OMEGA_STATOR, C_ANGLE, 7, false, true, true, NONE, ANGLE),
     (REF_BETA, K_INVERSE, 8, false, true, true, NONE, REF_W),
     (FLUX_BETA, K_INVERSE, 8, false, true, true, NONE, FLUX_W),
@@ -256,7 +256,7 @@ begin
 
     if rising_edge(clk) then
       saturated <= '0';
-      step      := PROGRAM(counter);
+      step      := WORK_STEPS(counter);
 
       -- operands
       read(step.a, a);

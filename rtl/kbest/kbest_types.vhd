@@ -27,7 +27,7 @@ package kbest_types is
 
   subtype slot_t is unsigned(3 downto 0);
 
-  -- sums of costs before they are limited
+  -- sums of costs, not limited yet
 
   subtype wide_cost_t is unsigned(30 downto 0);
 
@@ -146,7 +146,7 @@ package kbest_types is
   function excess (value : voltage_t; bound : unsigned) return factor_t;
 
   -- where a straight line leads in 8 or 4 times its stage, limited to a factor
-  function ahead (now, before : signed; long : std_logic; steps, low : natural) return factor_t;
+  function ahead (now, earlier : signed; long : std_logic; steps, low : natural) return factor_t;
 
   -- square of a product's cost: shifted right, one less for a long stage
   function cost_of (square : unsigned; shift : natural; weight : unsigned; long : std_logic) return wide_cost_t;
@@ -263,13 +263,13 @@ package body kbest_types is
 
   end function excess;
 
-  function ahead (now, before : signed; long : std_logic; steps, low : natural) return factor_t is
+  function ahead (now, earlier : signed; long : std_logic; steps, low : natural) return factor_t is
 
     variable wide : signed(now'length + steps + 1 downto 0);
 
   begin
 
-    wide := resize(now, wide'length) - resize(before, wide'length);
+    wide := resize(now, wide'length) - resize(earlier, wide'length);
 
     if (long = '1') then
       wide := shift_left(wide, steps - 1);
