@@ -12,10 +12,15 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 import random
 import resource
+import shutil
+import subprocess
+import time
 import zipfile
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -498,6 +503,106 @@ def test_the_program_of_the_page(fmu, tmp_path: Path, monkeypatch, capsys) -> No
     page = (ROOT / "docs" / "fmu.md").read_text(encoding="utf-8")
     exec(page.partition("```python\n")[2].partition("```")[0], {})
     assert abs(float(capsys.readouterr().out) - 7.0) < 0.5
+
+
+@pytest.mark.parametrize(("name", "least"), [("induction_2kw2", 2000), ("anpc5l_6kv", 1000)])
+def test_it_is_fast_enough(fmu, name: str, least: int) -> None:
+    """6,000 and 3,000 decisions a second of one core are wanted; a loaded machine has a third."""
+    one, ts = Importer(fmu(name)), period_of(name)
+    given = list(itertools.islice(inputs_of(name), 400))
+    places = [one.named[n].valueReference for n in given[0]]
+    began = time.process_time()
+    for values_ in given:
+        one.one.setFloat64(places, list(values_.values()))
+        one.step(ts)
+    assert len(given) / (time.process_time() - began) > least
+
+
+#: Loads the plant of a two-level drive, gives it a vector for 20 steps and prints its current.
+WINDOWS = r"""
+#include <windows.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+int main(int count, char **a) {
+  HMODULE m = LoadLibraryA(a[1]);
+  if (!m) return 1;
+  void *(*make)(const char *, const char *, const char *, bool, bool, bool, bool, const uint32_t *,
+                size_t, void *, void *, void *) =
+      (void *)GetProcAddress(m, "fmi3InstantiateCoSimulation");
+  int (*begin)(void *, bool, double, double, bool, double) =
+      (void *)GetProcAddress(m, "fmi3EnterInitializationMode");
+  int (*begun)(void *) = (void *)GetProcAddress(m, "fmi3ExitInitializationMode");
+  int (*step)(void *, double, double, bool, bool *, bool *, bool *, double *) =
+      (void *)GetProcAddress(m, "fmi3DoStep");
+  int (*get)(void *, const uint32_t *, size_t, double *, size_t) =
+      (void *)GetProcAddress(m, "fmi3GetFloat64");
+  int (*set)(void *, const uint32_t *, size_t, const int32_t *, size_t) =
+      (void *)GetProcAddress(m, "fmi3SetInt32");
+  void *one = make("one", a[3], a[2], 0, 0, 0, 0, 0, 0, 0, 0, 0);
+  uint32_t u = atoi(a[4]), i = atoi(a[5]);
+  int32_t vector = 3;
+  bool b[3];
+  double t, current;
+  if (!one || begin(one, 0, 0, 0, 0, 0) || begun(one) || set(one, &u, 1, &vector, 1)) return 2;
+  for (int k = 0; k < 20; k++)
+    if (step(one, k * 50e-6, 50e-6, 0, b, b + 1, b + 2, &t)) return 3;
+  get(one, &i, 1, &current, 1);
+  printf("%.12g\n", current);
+  return 0;
+}
+"""
+
+
+def test_the_binary_for_windows_runs(tmp_path: Path) -> None:
+    wine = shutil.which("wine") or shutil.which("wine64")
+    if not wine or not library.cross_compiler():
+        pytest.skip("there is no MinGW or no Wine")
+    path = write_plant(load_drive("induction_2kw2"), tmp_path / "plant.fmu", windows=True)
+    one = Importer(path)
+    (tmp_path / "load.c").write_text(WINDOWS, encoding="utf-8")
+    program = [library.MINGW.replace("g++", "gcc"), "-w", "load.c", "-o", "load.exe"]
+    subprocess.run(program, cwd=tmp_path, check=True)
+    numbers = [str(one.named[n].valueReference) for n in ("u", "is_alpha")]
+    inside = [f"binaries\\x86_64-windows\\{path.stem}.dll", "resources\\"]
+    done = subprocess.run(
+        [wine, str(tmp_path / "load.exe"), *inside, one.description.guid, *numbers],
+        cwd=one.folder, capture_output=True, text=True, check=True, timeout=120,
+        env=os.environ | {"WINEDEBUG": "-all", "HOME": str(tmp_path)},
+    )  # fmt: skip
+    one.put(u=3)
+    for _ in range(20):
+        one.step(50e-6)
+    assert math.isclose(float(done.stdout), one.get("is_alpha")[0], rel_tol=1e-9)
+
+
+def test_sanitizers_find_nothing(fmu, tmp_path: Path) -> None:
+    """Addresses, leaks and undefined behaviour of the RTL's FMU, in all of its C++."""
+    one = Importer(fmu("induction_2kw2"))
+    folder = Path(one.folder) / "sources"
+    files = [str(p.relative_to(folder)) for p in folder.rglob("*.cpp")]
+    flags = ["-std=c++17", "-O1", "-w", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    flags += [f"-I{name}" for name in library.FOLDERS]
+
+    def compiled(numbered: tuple[int, str]) -> str:
+        out = str(tmp_path / f"{numbered[0]}.o")
+        command = [*library.compiler(), *flags, "-c", numbered[1], "-o", out]
+        subprocess.run(command, cwd=folder, check=True)
+        return out
+
+    with ThreadPoolExecutor(2) as pool:
+        here = str(Path(__file__).with_name("fmu_memory.cpp"))
+        objects = list(pool.map(compiled, enumerate([*files, here])))
+    program = str(tmp_path / "memory")
+    subprocess.run(
+        [*library.compiler(), *flags[:4], *objects, "-o", program, "-lpthread"], check=True
+    )
+    resources = str(Path(one.folder) / "resources")
+    done = subprocess.run(
+        [program, resources, one.description.guid], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (0, "26 refused\n"), done.stderr
 
 
 def test_a_fault_in_the_verilog_is_seen(fmu, tmp_path: Path, monkeypatch) -> None:
