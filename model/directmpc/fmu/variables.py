@@ -476,6 +476,7 @@ def plant(drive: FiveLevelDrive | MptcDrive, name: str) -> Model:
     n = len(states)
 
     def row(values_: np.ndarray) -> str:
+        """Numbers of a line."""
         return " ".join(repr(float(v)) for v in np.ravel(values_))
 
     model.lines = [f"states {n} {scale!r}", *(f"begin start.{one}" for one in states)]

@@ -247,6 +247,18 @@ class Setting:
     def word(self, name: str, saturated: list[str]) -> int:
         """Register value; a sentence in ``saturated`` where the nearest one is safer.
 
+        Parameters
+        ----------
+        name : str
+            Of the register, for messages.
+        saturated : list of str
+            A sentence is appended for a value that does not fit and becomes a safer one.
+
+        Returns
+        -------
+        int
+            Counts.
+
         Raises
         ------
         ValueError
