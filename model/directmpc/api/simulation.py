@@ -7,7 +7,7 @@ import functools
 import math
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +23,7 @@ from directmpc.api.controllers import (
     make_controller,
     served_by,
 )
+from directmpc.api.dynamics import Course, run_five_level, run_two_level
 from directmpc.distortion import thd
 from directmpc.drive_tables import DriveError
 from directmpc.kbest.drive import KbestDrive
@@ -377,10 +378,13 @@ def simulate(
     controller: str | Controller = "ideal",
     *,
     steps: int = 1000,
-    speed: float | None = None,
+    speed: float | Callable[[float], float] | None = None,
     torque: float | None = None,
     flux: float | None = None,
     power: float | None = None,
+    load: float | Callable[[float], float] | None = None,
+    start: str = "steady",
+    inertia: float | None = None,
     settle: int = 0,
     angle: float = 0.0,
     plant: Drive | KbestDrive | MptcDrive | None = None,
@@ -410,7 +414,8 @@ def simulate(
     speed : float, optional
         Stator angular frequency (electrical), pu or rad/s, signed. MPDCC: 1 pu if not given; MPTC:
         0.6 of the drive's `speed_max`. The rotor turns at this speed less the slip of the load.
-        With a grid it is the grid's frequency.
+        With a grid it is the grid's frequency. With `inertia` it is what the rotor is to turn at,
+        a number or a function of the time in s.
     torque : float, optional
         Load torque of a machine, pu or N*m. If not given, MPDCC: that of 1 pu of current; MPTC: a
         quarter of `torque_max`.
@@ -420,6 +425,16 @@ def simulate(
     power : float, optional
         MPDCC: active power into a grid, pu, below 0 out of it; that of 1 pu of current if not
         given.
+    load : float or callable, optional
+        With `inertia`: load torque, pu or N*m, a number or a function of the time in s; none if not
+        given.
+    start : str
+        With `inertia`: "steady" begins at the first speed and load, "standstill" without speed and,
+        but for magnets, without flux.
+    inertia : float, optional
+        Gives the rotor a mass and the drive a speed controller (`directmpc.api.dynamics`). Inertia
+        constant in s for a five-level drive (kinetic energy at rated frequency over rated apparent
+        power), kg*m^2 for MPTC.
     settle : int
         Steps that are run before, not recorded.
     angle : float
@@ -504,6 +519,17 @@ def simulate(
     for name, value, least in (("steps", steps, 1), ("settle", settle, 0)):
         if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
             raise ValueError(f"{name}: got {value!r:.40}; an integer from {least} is needed")
+    if inertia is not None or load is not None or callable(speed) or start != "steady":
+        others = {
+            "torque": torque is not None, "power": power is not None, "settle": settle != 0,
+            "angle": angle != 0.0, "flux_observer": flux_observer, "sensorless": sensorless,
+            "errors": errors is not None,
+        }  # fmt: skip
+        for name, given_too in others.items():
+            if given_too:
+                raise ValueError(f"{name}: given with inertia, load or start, which have none")
+        course = _course(drive, speed, load, start, inertia, flux)
+        return _with_speed_controller(drive, controller, course, steps, real, variant)
     numbers = {"speed": speed, "torque": torque, "flux": flux, "power": power, "angle": angle}
     for name, number in numbers.items():
         if number is not None and not _is_finite(number):
@@ -553,6 +579,85 @@ def simulate(
         return result
     cycles = np.array(core.cycles[-steps:])
     return replace(result, decisions=replace(result.decisions, cycles=cycles))
+
+
+def _course(
+    drive: Drive | KbestDrive | MptcDrive,
+    speed: float | Callable[[float], float] | None,
+    load: float | Callable[[float], float] | None,
+    start: str,
+    inertia: float | None,
+    flux: float | None,
+) -> Course:
+    """What a run with a speed controller is asked for, checked."""
+    if isinstance(drive, FiveLevelDrive) and "torque" not in drive.machine.quantities:
+        raise ValueError(
+            f'inertia: given with machine.type = "{drive.machine.type}", which does not turn'
+        )
+    if inertia is None or not _is_finite(inertia) or inertia <= 0.0:
+        raise ValueError(
+            f"inertia: got {inertia!r:.40}; with load, start or a speed over time a number above 0 "
+            "is needed"
+        )
+    if start not in ("steady", "standstill"):
+        raise ValueError(f'start: got {start!r:.40}; it must be "steady" or "standstill"')
+    most = drive.control.psi_max if isinstance(drive, MptcDrive) else FLUX.high / FLUX.scale
+    fixed = isinstance(drive, FiveLevelDrive) and "flux" not in drive.machine.quantities
+    if flux is not None and (fixed or not _is_finite(flux) or not 0.0 < flux <= most):
+        allowed = "the magnets make it" if fixed else f"it must be above 0 and at most {most:.4g}"
+        raise ValueError(f"flux: got {flux!r:.40}; {allowed}")
+    functions = []
+    for name, value, usual in (("speed", speed, None), ("load", load, 0.0)):
+        given = usual if value is None else value
+        if callable(given):
+            functions.append(given)
+        elif given is not None and _is_finite(given):
+            functions.append(functools.partial(_constant, float(given)))
+        else:
+            raise ValueError(
+                f"{name}: got {value!r:.40}; a number or a function of the time is needed"
+            )
+    return Course(functions[0], functions[1], float(inertia), flux, start == "standstill")
+
+
+def _constant(value: float, time: float) -> float:
+    return value
+
+
+def _with_speed_controller(
+    drive: Drive | KbestDrive | MptcDrive,
+    controller: str | Controller,
+    course: Course,
+    steps: int,
+    real: Any,
+    variant: str,
+) -> SimulationResult:
+    """`simulate` with a mass and a speed controller."""
+    speeds, _ = course.over(drive.control.ts, steps)
+    most = drive.control.speed_max if isinstance(drive, MptcDrive) else drive.machine.speeds[1]
+    if np.abs(speeds).max() > most:
+        raise ValueError(
+            f"speed: gives {np.abs(speeds).max():g}; it must be from {-most:g} to {most:g}"
+        )
+    engine = controller if isinstance(controller, str) else type(controller).__name__
+    if isinstance(drive, MptcDrive):
+        if not isinstance(controller, str) or controller == "rtl":
+            raise ValueError(
+                f'controller: got {engine}; with a speed controller of MPTC it must be "ideal" or '
+                '"model"'
+            )
+        run = run_two_level(drive, controller, course, steps, real)
+        omega_s = float(run.trace.omega_r[-1])
+        if isinstance(run, SequenceRun):
+            return _of_sequences(drive, engine, run, omega_s, 0)
+        return _of_mptc(drive, engine, run, omega_s, 0)
+    if isinstance(controller, str):
+        controller = make_controller(drive, controller, variant)
+    return SimulationResult(
+        drive=drive,
+        controller=engine,
+        **run_five_level(drive, controller, course, steps, real),
+    )
 
 
 def unreached(result: SimulationResult, torque: float | None) -> str:
@@ -772,14 +877,21 @@ def _run_mptc(
         run = mptc_loop.drive_controller(
             drive, controller, scenario, plant=parameters, errors=errors
         )
+    return _as_seen(_of_mptc(drive, engine, run, omega_s, settle), observed, settle)
+
+
+def _of_mptc(
+    drive: MptcDrive, engine: str, run: mptc_loop.Run, omega_s: float, settle: int
+) -> SimulationResult:
+    """A run of a method of one vector without its first steps."""
     keep = slice(settle, None)
     seen = run.trace.rows(keep)
     saturated = run.saturated | run.clamped if engine == "model" else run.saturated
-    result = SimulationResult(
+    return SimulationResult(
         drive=drive,
         controller=engine,
         speed=omega_s,
-        time=c.ts * np.arange(steps),
+        time=drive.control.ts * np.arange(len(seen)),
         current=run.current[keep],
         flux=seen.psi_s[:, 0] + 1j * seen.psi_s[:, 1],
         torque=run.torque[keep],
@@ -788,7 +900,6 @@ def _run_mptc(
         trace=seen,
         decisions=mptc_trace.MptcDecisions(run.u[keep], None, saturated[keep]),
     )
-    return _as_seen(result, observed, settle)
 
 
 def _as_seen(

@@ -444,8 +444,23 @@ def _no_shadow(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     return 0, 0, 0, 0, 0, 0, 0
 
 
-def _nearest_positions(leg: Converter, voltage: complex, vdc: float) -> IntArray:
-    """Positions whose levels come nearest to a stator voltage, the first of each level."""
+def nearest_positions(leg: Converter, voltage: complex, vdc: float) -> IntArray:
+    """Positions whose levels come nearest to a stator voltage, the first of each level.
+
+    Parameters
+    ----------
+    leg : Converter
+        Whose levels.
+    voltage : complex
+        Stator voltage, per unit.
+    vdc : float
+        dc-link voltage, per unit.
+
+    Returns
+    -------
+    ndarray of int64, shape (3,)
+        Numbers of the positions.
+    """
     phases = [(voltage * cmath.exp(-2j * cmath.pi / 3 * x)).real for x in range(3)]
     # halfway to the even one
     wanted = np.rint(np.array(phases) / (vdc / 4) / _step(leg)) * _step(leg)
@@ -493,7 +508,7 @@ def initial_conditions(
         state[:2] += disturbance * rng.standard_normal(2)
         there = [leg.neutral.any()] + [leg.capacitor.any()] * 3
         state[4:] += disturbance * rng.standard_normal(4) * there
-    return state, _nearest_positions(leg, start.v_s * turn, float(profile.vdc[0]))
+    return state, nearest_positions(leg, start.v_s * turn, float(profile.vdc[0]))
 
 
 def _per_unit(drive: FiveLevelDrive, errors: DriveErrors) -> float:

@@ -1,0 +1,101 @@
+"""Runs with a speed controller: starts, reversals, load steps, and what is refused.
+
+Sweep: 3.3 kV induction machine, magnet machine, 2.2 kW machine with one and two vectors a period.
+Stimulus: steps and ramps of the speed reference, steps of the load.
+Checks: the speed follows and holds under load, flux is built up before the torque, the flux falls
+above rated speed, current stays below its limit, and the rotor obeys its equation of motion.
+Does not prove: that the gains suit another drive.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from directmpc import load_drive, simulate
+from directmpc.api.dynamics import CURRENT_LIMIT, MAGNETISED, SpeedController
+
+
+@pytest.mark.parametrize("engine", ["ideal", "model"])
+def test_a_five_level_machine_starts_from_standstill(engine: str) -> None:
+    drive = load_drive("anpc5l_3kv3")
+    ts, inertia = drive.control.ts, 0.1
+    load = lambda t: 0.3 if t > 0.65 else 0.0  # noqa: E731
+    result = simulate(
+        drive, engine, steps=16_000, speed=0.3, load=load, start="standstill", inertia=inertia
+    )
+    psi = np.abs(result.flux)
+    rated = abs(drive.machine.steady_state(1.0).psi_r)
+    turning = np.flatnonzero(result.omega_r > 0.01)[0]
+    assert psi[0] == 0.0
+    assert psi[turning] > 0.9 * MAGNETISED * rated
+    assert psi[-1] == pytest.approx(rated, rel=0.03)
+    before = round(0.6 / ts)
+    assert result.omega_r[before : before + 100].mean() == pytest.approx(0.3, abs=0.01)
+    assert result.omega_r[-100:].mean() == pytest.approx(0.3, abs=0.01)
+    assert result.torque[-400:].mean() == pytest.approx(0.3, abs=0.02)
+    bound = 2 * drive.control.bound_current
+    assert np.abs(result.current).max() < CURRENT_LIMIT + bound
+    free = result.torque - np.array([load(t) for t in result.time])
+    assert np.diff(result.omega_r) == pytest.approx(ts * free[:-1] / (2 * inertia), abs=1e-12)
+    assert result.omega_r.max() < 0.32
+    # for some steps after the references step the current's error is beyond its word
+    assert result.decisions.saturated.mean() < 0.01
+
+
+def test_a_magnet_machine_reverses() -> None:
+    drive = load_drive("anpc5l_pmsm")
+    result = simulate(
+        drive, steps=8_000, speed=lambda t: 0.4 if t < 0.1 else -0.4, load=0.1, inertia=0.05
+    )
+    assert result.omega_r[:1000].mean() == pytest.approx(0.4, abs=0.01)
+    assert result.omega_r[-200:].mean() == pytest.approx(-0.4, abs=0.01)
+    assert np.abs(result.flux) == pytest.approx(0.9, abs=1e-6)
+    assert result.torque.min() == pytest.approx(-0.9 * CURRENT_LIMIT, abs=0.1)
+
+
+def test_the_flux_falls_above_rated_speed() -> None:
+    drive = load_drive("anpc5l_3kv3")
+    result = simulate(drive, steps=6_000, speed=1.3, load=0.1, inertia=0.2)
+    rated = abs(drive.machine.steady_state(1.0).psi_r)
+    assert np.abs(result.flux[-1]) < 0.95 * rated
+
+
+@pytest.mark.parametrize(("method", "engine"), [("MPTC", "model"), ("MPFC2", "ideal")])
+def test_a_two_level_machine_takes_a_load_step(method: str, engine: str) -> None:
+    drive = load_drive("induction_2kw2").with_control(method=method)
+    result = simulate(
+        drive, engine, steps=16_000, speed=lambda t: 0.0 if t < 0.05 else 200.0,
+        load=lambda t: 10.0 if t > 0.5 else 0.0, start="standstill", inertia=0.01, flux=0.9,
+    )  # fmt: skip
+    assert result.omega_r[0] == 0.0
+    assert result.omega_r[9_500:9_900].mean() == pytest.approx(200.0, abs=4.0)
+    assert result.omega_r[-400:].mean() == pytest.approx(200.0, abs=4.0)
+    assert result.torque[-400:].mean() == pytest.approx(10.0, abs=0.5)
+
+
+def test_the_integral_does_not_wind_up() -> None:
+    speed = SpeedController(1.0, 0.1)
+    for _ in range(100):
+        assert speed.step(5.0, 0.0, 1.0) == 1.0
+    assert speed.total == 0.0
+    assert speed.step(0.0, 0.5, 1.0) == pytest.approx(-0.55)
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "said"),
+    [
+        ("anpc5l_grid", {"inertia": 1.0}, 'inertia: given with machine.type = "grid"'),
+        ("anpc5l_6kv", {"load": 0.1, "speed": 0.5}, "inertia: got None; .* above 0 is needed"),
+        ("anpc5l_6kv", {"inertia": 1.0}, "speed: got None; a number or a function"),
+        ("anpc5l_6kv", {"inertia": 1.0, "speed": 3.0}, "speed: gives 3; it must be from -2 to 2"),
+        ("anpc5l_6kv", {"inertia": 1.0, "speed": lambda t: "x"}, "speed: gives 'x' at 0 s"),
+        ("anpc5l_6kv", {"inertia": 1.0, "speed": 0.5, "start": "now"}, "start: got 'now'"),
+        ("anpc5l_6kv", {"inertia": 1.0, "speed": 0.5, "torque": 1.0}, "torque: given with inertia"),
+        ("anpc5l_pmsm", {"inertia": 1.0, "speed": 0.5, "flux": 1.0}, "flux: got 1.0; the magnets"),
+        ("induction_2kw2", {"inertia": 1.0, "speed": 600.0}, "speed: gives 600; it must be"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(name: str, asked: dict, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        simulate(load_drive(name), steps=10, **asked)
