@@ -375,6 +375,11 @@ def controller(
     return model
 
 
+def _row(numbers: np.ndarray) -> str:
+    """Numbers of a line."""
+    return " ".join(repr(float(v)) for v in np.ravel(numbers))
+
+
 def plant(drive: FiveLevelDrive | MptcDrive, name: str) -> Model:
     """The exact plant of a drive: machine and inverter with ideal switches at an imposed speed.
 
@@ -475,24 +480,20 @@ def plant(drive: FiveLevelDrive | MptcDrive, name: str) -> Model:
     base = matrix(rest, 0.0)
     n = len(states)
 
-    def row(values_: np.ndarray) -> str:
-        """Numbers of a line."""
-        return " ".join(repr(float(v)) for v in np.ravel(values_))
-
     model.lines = [f"states {n} {scale!r}", *(f"begin start.{one}" for one in states)]
     model.lines += [
-        f"base {row(base)}",
-        f"speed omega_r {row(matrix(rest, 1.0) - base)}",
+        f"base {_row(base)}",
+        f"speed omega_r {_row(matrix(rest, 1.0) - base)}",
         "link v_dc",
     ]
     for place, one in enumerate(switches):
         for s in range(8):
             moved = tuple(s if k == place else r for k, r in enumerate(rest))
-            model.lines.append(f"switch {one} {row(matrix(moved, 0.0) - base)}")
-    model.lines += [f"out {one} {row(np.eye(n)[k])}" for k, one in enumerate(states)]
+            model.lines.append(f"switch {one} {_row(matrix(moved, 0.0) - base)}")
+    model.lines += [f"out {one} {_row(np.eye(n)[k])}" for k, one in enumerate(states)]
     for phase, beta in zip("abc", (0.0, math.sqrt(0.75), -math.sqrt(0.75)), strict=True):
         weights = np.zeros(n)
         weights[:2] = -0.5 if beta else 1.0, beta
-        model.lines.append(f"out is_{phase} {row(weights)}")
+        model.lines.append(f"out is_{phase} {_row(weights)}")
     model.lines.append(f"product torque {' '.join(repr(v) for v in product)}")
     return model
