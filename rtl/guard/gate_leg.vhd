@@ -12,7 +12,9 @@
 -- after 3 dead_time + 1 clocks at most.  kill turns all gates off after the same edge, which only a leg whose state
 -- cannot be relied on should need: it may overload a device.
 -- Interlock: a forbidden pattern never reaches the gates.  Where it would be the next one, the gates stay as they
--- are, and refused is up in the clock after; gate_supervisor then raises stop and kill.
+-- are, and refused is up in the clock after; gate_supervisor then raises stop and kill.  The gates themselves are
+-- looked at too: where an upset of a flip-flop makes them a forbidden pattern, the leg turns all of them off with the
+-- next edge, and refused is up.
 -- The first position after a stop turns its gates on in the steps of gate_tables, dead_time clocks apart: the gates at
 -- the rails last.  A goal before all gates are off is forgotten; gate_supervisor keeps stop up for dead and minimum
 -- times.
@@ -94,6 +96,7 @@ architecture rtl of gate_leg is
   signal lowered  : gates_t;   -- gates that its next step leaves on
   signal drop     : std_logic; -- that step may be, in a stop
   signal wrong    : std_logic; -- it is forbidden
+  signal upset    : std_logic; -- the gates are, as no action has made them
   signal change   : std_logic; -- gates change after this edge
   signal pause    : std_logic_vector(TIME_WIDTH - 1 downto 0);
 
@@ -125,6 +128,7 @@ begin
   dark    <= to_std_logic(unsigned(driven) = 0);
   lowered <= stop_of(FIVE_LEVEL, driven);
   wrong   <= is_forbidden(FIVE_LEVEL, lowered);
+  upset   <= is_forbidden(FIVE_LEVEL, driven);
   drop    <= at_rail(FIVE_LEVEL, driven) or (over and not dark);
   going   <= stop or not live;
   change  <= drop when going = '1' else
@@ -172,7 +176,7 @@ begin
         waiting <= to_std_logic((live = '0' and dark = '1') or (live = '1' and asked /= target));
       end if;
 
-      refused <= change and ((going and wrong) or (not going and forbidden));
+      refused <= upset or (change and ((going and wrong) or (not going and forbidden)));
 
       if (going = '1') then
         if (drop = '1' and wrong = '0') then
@@ -221,7 +225,7 @@ begin
         waiting <= '0';
       end if;
 
-      if (kill = '1') then
+      if (kill = '1' or upset = '1') then
         driven <= (others => '0');
       end if;
     end if;

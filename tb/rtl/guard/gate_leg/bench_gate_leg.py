@@ -203,8 +203,47 @@ class Bench:
                 alone = [one for one in REFUSED if one <= self.leg.tried] == [pair]
                 self.board.cover(f"{pair} alone", int(self.leg.refused and alone))
 
+    async def upset(self, rng: random.Random) -> bool:
+        """Flip a gate so that the pattern may not be, out of a life; whether there is one."""
+        dut, board = self.dut, self.board
+        size = 8 if self.five_level else 2
+        self.leg, self.now = Leg(self.five_level), 0
+        await self.live(rng, rng.randrange(10, 60))
+        pairs = REFUSED if self.five_level else REFUSED[:1]
+        gates = [g for g in range(1, size + 1) if any(p <= self.leg.on ^ {g} for p in pairs)]
+        dut.decided.value = dut.stop.value = dut.kill.value = 0
+        await self.clock.settle()
+        if not gates or number(dut.change):
+            return False
+        board.cover("upset while live" if self.leg.alive else "upset in a stop")
+        gate = rng.choice(gates)
+        flipped = sum(1 << (g - 1) for g in self.leg.on ^ {gate})
+        dut.goal.value, dut.rest_time.value = gate - 1, 0  # what the altered leg flips a gate by
+        await self.clock.tick()
+        dut.rest_time.value = self.rest
+        await self.clock.settle()
+        board.check("upset", number(dut.gates), flipped)
+        await self.clock.edge()
+        await self.clock.settle()
+        board.check("after an upset", number(dut.gates), 0, f"{flipped:08b}")
+        board.check("told of an upset", number(dut.refused), 1, f"{flipped:08b}")
+        return True
 
-@cocotb.test()
+
+@cocotb.test(skip=arguments()["upsets"] == 0)
+async def every_upset(dut) -> None:
+    """Flips of one gate each, out of lives under a supervisor."""
+    given = arguments()
+    rng = random.Random(given["seed"])
+    bench = Bench(dut, given["FIVE_LEVEL"] == "true")
+    bench.times(1, 1)
+    left = given["upsets"]
+    while left:
+        left -= await bench.upset(rng)
+    bench.board.finish({"after an upset": given["upsets"]}, {"upset while live": 20})
+
+
+@cocotb.test(skip=arguments()["upsets"] > 0)
 async def every_clock(dut) -> None:
     """A random life under a supervisor, then one without."""
     given = arguments()

@@ -4,9 +4,10 @@ Sweep: ANPC and two-level legs.
 Stimulus: goals at any time, of any value, and stops; a goal that is no edge or comes too early
 comes with a stop, as gate_supervisor sees to it; dead and rest times that change while the leg is
 off. Then goals of any value and nobody who stops: gates and position part, and actions lead to
-patterns that may not be.
+patterns that may not be. Then flips of one gate's flip-flop that make a pattern that may not be.
 Checks: all outputs in every clock; that every pair of positions has been judged and every edge
-commuted; that each pattern of docs/gate-guard.md alone has been refused, and told.
+commuted; that each pattern of docs/gate-guard.md alone has been refused, and told; that a flip is
+undone with the next edge, and told.
 Timing: gates move two clocks after a decision, and are off one clock after a stop.
 Faults: edges that are none, an interlock that lets a pattern pass or says nothing, times, a goal
 that survives a stop, a leg that is off and judges.
@@ -19,20 +20,32 @@ from pathlib import Path
 
 import pytest
 
+from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import Fault, altered, assert_seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "gate_leg"
 
 
-def bench(rtl: Path = RTL, clocks: int = 6000, *, five_level: bool = True) -> Outcome:
+#: What flips a gate's flip-flop, as an upset does: no leg has a rest time of zero.
+END = "    end if;\n\n  end process p_leg;"
+FLIP = """
+      if (unsigned(rest_time) = 0) then
+        driven(to_integer(unsigned(offered))) <= not driven(to_integer(unsigned(offered)));
+      end if;
+"""
+
+
+def bench(
+    rtl: Path = RTL, clocks: int = 6000, *, five_level: bool = True, upsets: int = 0
+) -> Outcome:
     return run(
         NAME,
         f"tb.rtl.guard.{NAME}.bench_{NAME}",
         units=[NAME],
         generics={"FIVE_LEVEL": "true" if five_level else "false"},
-        arguments={"seed": 4, "clocks": clocks},
+        arguments={"seed": 4, "clocks": clocks, "upsets": upsets},
         rtl=rtl,
     )
 
@@ -42,17 +55,40 @@ def test_every_clock_is_the_reference_s(five_level: bool) -> None:
     assert bench(five_level=five_level).covered["refused"] >= 50
 
 
+@pytest.mark.parametrize("five_level", [True, False], ids=["anpc", "two_level"])
+def test_an_upset_of_a_gate_is_undone_with_the_next_edge(five_level: bool, tmp_path: Path) -> None:
+    rtl = altered(tmp_path, NAME, END, FLIP + END)
+    assert bench(rtl, five_level=five_level, upsets=200).checks["after an upset"] == 200
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "check"),
+    [
+        ("refused <= upset or ", "refused <= ", "told of an upset"),
+        ("kill = '1' or upset = '1'", "kill = '1'", "after an upset"),
+    ],
+)
+def test_an_upset_that_stays_is_seen(old: str, new: str, check: str, tmp_path: Path) -> None:
+    rtl = altered(tmp_path, NAME, END, FLIP + END)
+    path = rtl / "guard" / f"{NAME}.vhd"
+    text = path.read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    with pytest.raises(CheckError, match=check):
+        bench(rtl, upsets=200)
+
+
 FAULTS = [
     Fault("anpc5l_leg", "(0, 1, 3, 3),", "(0, 1, 3, 2),", "legal"),
     Fault("gate_tables", "or (s(0) and s(3)) ", "", "(refused|gates)"),
     Fault("gate_tables", "(s(0) or s(3)) and s(4)", "s(0) and s(4)", "(refused|gates)"),
-    Fault(NAME, "(not going and forbidden));", "'0');", "refused"),
-    Fault(NAME, "refused <= change and (", "refused <= (", "refused"),
+    Fault(NAME, "or (not going and forbidden)", "", "refused"),
+    Fault(NAME, "(change and ((going", "(((going", "refused"),
     Fault(NAME, "(act = '1' and forbidden = '0') then", "(act = '1') then", "gates"),
     Fault(NAME, "lowered <= stop_of(FIVE_LEVEL, driven);", "lowered <= (others => '0');", "gates"),
     Fault(NAME, "at_rail(FIVE_LEVEL, driven) or (over", "(over", "gates"),
     Fault(NAME, "(over and not dark);", "not dark;", "gates"),
-    Fault(NAME, "if (kill = '1') then", "if (false) then", "gates"),
+    Fault(NAME, "if (kill = '1' or upset = '1') then", "if (upset = '1') then", "gates"),
     Fault(NAME, "if (live = '0' and dark = '1') then", "if (live = '0') then", "(gates|legal)"),
     Fault(
         NAME, 'start_of(FIVE_LEVEL, accepted, "000")', "pattern_of(FIVE_LEVEL, accepted)", "gates"
