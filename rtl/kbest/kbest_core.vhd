@@ -11,8 +11,8 @@
 --
 -- Formats: per unit with the scales at each port; parameters as directmpc.kbest.coefficients computes
 -- them from a drive file.
--- Latency: 1050 clocks at most with BEAM = 8 and STAGES = 12.  One decision at a time; the next start may
--- come with valid.
+-- Latency: 1050 clocks at most with BEAM = 8 and STAGES = 12, 1075 with compensate.  One decision at a
+-- time; the next start may come with valid.
 -- Overflow: saturates and sets saturated; nothing wraps.
 -- Licence: Apache-2.0
 
