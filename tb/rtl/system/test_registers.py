@@ -37,6 +37,8 @@ from tb.helpers.drives import plain_text
 from tb.helpers.faults import file_of
 
 DRIVES = sorted((ROOT / "drives").glob("*.toml"))
+#: Those of K-best and of other converters, which have no system yet.
+WITHOUT_SYSTEM = [p for p in DRIVES if p.stem.endswith("_kbest") or p.stem.startswith("npc3l")]
 
 
 def ports_of(entity: str) -> dict[str, int]:
@@ -75,7 +77,20 @@ def test_addresses_are_unique_and_the_lower_half_is_alike() -> None:
     assert lower[0] == lower[1]
 
 
-@pytest.mark.parametrize("path", DRIVES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", WITHOUT_SYSTEM, ids=lambda path: path.stem)
+def test_a_drive_without_a_system_is_refused(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert registers.main([str(path)]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert len(said.err.splitlines()) == 1
+    assert path.stem in said.err
+
+
+@pytest.mark.parametrize(
+    "path", [p for p in DRIVES if p not in WITHOUT_SYSTEM], ids=lambda path: path.stem
+)
 def test_a_drive_becomes_register_values(path: Path) -> None:
     drive = load_drive(path)
     found = registers.values(drive)
