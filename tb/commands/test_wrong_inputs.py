@@ -35,6 +35,7 @@ from tb.helpers.commands import told
 DRIVE = "anpc5l_6kv"
 
 NEEDED = {
+    "fmu": ["anpc5l_6kv"],
     "convert": ["--top", "mac_block"],
     "field-score": ["--set", "x", "--decisions", "x.csv"],
     "netlist-check": ["--vectors", "x"],
