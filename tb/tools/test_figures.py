@@ -40,6 +40,7 @@ from scripts.studies import (
     capacitor_bounds,
     deadlocks,
     horizon,
+    kbest,
     lengths,
     mptc_machines,
     mptc_robustness,
@@ -104,6 +105,8 @@ def of_pwm(page: Path) -> None:
         page, {(pwm.BEGIN.format(n), pwm.END.format(n)): make(stored) for n, make in made.items()}
     )
     capacitor_bounds.publish(capacitor_bounds.read(), page)
+    found = rows.read(kbest.REPORT, kbest.Setting, kbest.FIGURES)
+    tables.rewrite(page, {(kbest.BEGIN, kbest.END): kbest.table(found)})
 
 
 def of_robustness(page: Path) -> None:
@@ -843,7 +846,7 @@ def test_the_metrics_have_the_resources_of_the_budgets() -> None:
 NO_FIGURES = (
     "6 kV", "VHDL-93", "AXI4-Lite", "Paper A assumes 40 MHz", "Spartan-3", "ECP5", "Apache-2.0",
     "Python 3.11", "Debian 12", "0.6 pu", "ULX3S", "are of 2016",
-    "bounds of 0.05 and 0.08 pu",
+    "bounds of 0.05 and 0.08 pu", "GHDL 2.0.0",
 )  # fmt: skip
 
 
