@@ -376,7 +376,8 @@ class RtlController:
             Whether a coefficient did not hold its value.
         """
         parameters, saturated = estimate.scaled(self._given)
-        self.design.give(dict(zip(self._places, parameters.tolist(), strict=True)))
+        ports = parameters.tolist()[: len(self._places)]  # what is built in is none
+        self.design.give(dict(zip(self._places, ports, strict=True)))
         return saturated
 
 
