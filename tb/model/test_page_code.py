@@ -37,10 +37,12 @@ OTHER = {
     ("docs/check.md", "yaml"): "tb/tools/test_page_commands.py",
     ("docs/check.md", "text"): "what a failing check prints",
     ("docs/drive-file.md", "python"): "tb/tools/test_documents.py",
+    ("docs/fmu.md", "python"): "tb/model/test_fmu.py",
     ("docs/hil.md", "python"): "tb/model/test_examples.py",
     ("docs/processor.md", "c"): "below",
     ("docs/replay.md", "csv"): "below",
     ("docs/using-the-core.md", "vhdl"): "below",
+    ("docs/using-the-core.md", "yaml"): "tb/tools/test_fusesoc_cores.py",
 }  # fmt: skip
 
 

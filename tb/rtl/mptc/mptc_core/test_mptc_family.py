@@ -66,7 +66,7 @@ def test_rtl_decides_as_the_twins() -> None:
     expected = rows.expected()
     got = ghdl(rows, wanted=expected)
     np.testing.assert_array_equal(got, expected[: len(got)])
-    assert len(got) == 1045 + 224
+    assert len(got) == 1027 + 224
     assert got[:, 2].sum() >= 20
     assert got[:, 3].sum() >= 20
     long = rows.applied[:, 3:].sum(axis=1) > 4096
