@@ -13,7 +13,7 @@ from cocotb.triggers import ClockCycles, FallingEdge, RisingEdge, with_timeout
 from directmpc.host import registers
 from directmpc.host.gate_guard import FAULTS, gates_of, stop_clocks
 from directmpc.host.register_map import MAPS
-from directmpc.mpdcc import capacitor_observer, leakage
+from directmpc.mpdcc import capacitor_observer, leakage, tables
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX
@@ -86,7 +86,8 @@ class System:
         )
         values = np.array(list(m.values()), dtype=np.int64)
         if self.controller == "mpdcc":
-            found = bit_true_fast.decide_words(register, values[:13], values[13:])
+            built = np.append(register, tables.base_of(tables.DEFAULT))
+            found = bit_true_fast.decide_words(built, values[:13], values[13:])
         else:
             found = mptc_bit_true.decide_words(register, values[:8], values[8])
         return tuple(int(v) for v in found)
