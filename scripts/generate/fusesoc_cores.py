@@ -32,9 +32,14 @@ PUBLIC = (
     "sync_bits", "axi_lite_master", "boot_loader", "host_link", "mpdcc_system", "mptc_system",
     "board_top",
 )  # fmt: skip
-#: Those of them that have no page: parts around a core or a system, whose headers say all, and K-best
+#: Those of them that have no page: K-best, and parts around a core or a system.
 PARTS = (
-    "kbest_core", "gate_release", "clock_monitor", "sync_bits", "axi_lite_master", "boot_loader",
+    "kbest_core",
+    "gate_release",
+    "clock_monitor",
+    "sync_bits",
+    "axi_lite_master",
+    "boot_loader",
 )
 #: Cores of the files that several entities need and none of these owns: VHDL-93 and VHDL-2008.
 COMMON, SHELL = "common", "system_shell"
