@@ -60,7 +60,7 @@ def bench(
 
 @pytest.mark.parametrize(("link", "controls"), [(UART, UART), (SPI, SPI), (SPI, UART)])
 def test_every_frame_gets_the_answer_of_the_model(link: int, controls: int) -> None:
-    found = bench("frames", link=link, controls=controls)
+    found = bench("frames", link=link, controls=controls, frames=110)
     assert found.checks["reply"] >= 30
     for kind, longest in LATENCY.items():
         assert found.measured.get(f"latency {int(kind)}", 0) <= longest, kind.name
