@@ -44,7 +44,7 @@ FAULTS = [
     Fault(NAME, "(value) > unsigned(high)", "(value) >= unsigned(high)", "capacitor"),
     Fault(NAME, "unsigned(v_ph_high) = HIGHEST", "false", "capacitor"),
     Fault(NAME, ">= HIGHEST_SIGNED", "> HIGHEST_SIGNED", "speed|neutral"),
-    Fault(NAME, "or resize(signed(value), 18) < -bound", "", "speed"),
+    Fault(NAME, "or resize(signed(value), 18) < -bound", "", "speed|neutral"),
     Fault(NAME, "neutral_1   <= beyond(v_n, v_n_limit);", "null;", "neutral"),
     Fault(NAME, "and is_beta = last_beta", "", "frozen"),
     Fault(NAME, "if (repeated /= (repeated'range => '1')) then", "if (true) then", "frozen"),
