@@ -31,6 +31,7 @@ from directmpc.mpdcc.program import PROGRAMS
 from scripts.generate import core_shells
 from scripts.generate import mpdcc_package as vhdl_package
 from scripts.hdl import converter_package, states
+from scripts.hdl.mpdcc_rows import DECIDE
 from tb.helpers import plain, plain_states
 
 
@@ -227,3 +228,12 @@ def test_equal_shares_of_effort_and_length_cost_the_same() -> None:
     assert all(len(words) == 1 for words in costs.values())
     ordered = [costs[share].pop() for share in sorted(costs)]
     assert all(low < high for low, high in itertools.pairwise(ordered))
+
+
+@pytest.mark.parametrize("variant", ["fast", "paper"])
+@pytest.mark.parametrize("words", [-1, 1])
+def test_registers_of_another_length_are_refused(variant: str, words: int) -> None:
+    array = co.registers(states.shipped("anpc5l_6kv"), variant).array()
+    wrong = array[:words] if words < 0 else np.append(array, 0)
+    with pytest.raises(ValueError, match="as many words"):
+        DECIDE[variant](wrong, np.zeros(13, dtype=np.int64), np.zeros(3, dtype=np.int64))

@@ -454,6 +454,8 @@ def values(
         settings; the message names the drive file's key. Where a setting of the gate guard does not
         fit and the nearest that does is less safe; the message names the register.
     """
+    if not isinstance(drive, Drive | MptcDrive):
+        raise ValueError(f'controller: got "{drive.controller}", of which there is no system yet')
     saturated: list[str] = []
     words = guard_words(drive, clock, saturated)
     if isinstance(drive, Drive):

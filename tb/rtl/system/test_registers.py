@@ -81,6 +81,8 @@ def test_addresses_are_unique_and_the_lower_half_is_alike() -> None:
 def test_a_drive_without_a_system_is_refused(
     path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    with pytest.raises(ValueError, match=r"controller: got|inverter\.topology: got"):
+        registers.values(load_drive(path))
     assert registers.main([str(path)]) == 2
     said = capsys.readouterr()
     assert said.out == ""

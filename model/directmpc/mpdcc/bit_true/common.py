@@ -67,6 +67,7 @@ _FORCED_HALF = 2 ** (f.FORCED_FRACTION - 1)
 _WEIGHT_SHIFTS = np.array(f.WEIGHT_SHIFTS, dtype=np.int64)
 _SCALES, _LOWS, _HIGHS = fixed_point.limits(list(f.MEASUREMENTS.values()))
 
+_REGISTERS = len(INDEX)
 _BOUND_CURRENT = INDEX["bound_current"]
 _BOUND_NEUTRAL = INDEX["bound_neutral"]
 _BOUND_PHASE = INDEX["bound_phase"]
@@ -153,7 +154,14 @@ def options(register):
     -------
     Options
         Bounds repeated for the three phases, in trajectory units.
+
+    Raises
+    ------
+    ValueError
+        If there are more or fewer words; compiled code would read what lies behind them.
     """
+    if len(register) != _REGISTERS:
+        raise ValueError("registers: as many words as Registers.array() has are needed")
     bound = np.empty(7, dtype=np.int64)
     bound[0:3] = register[_BOUND_CURRENT]
     bound[3] = register[_BOUND_NEUTRAL]

@@ -1,7 +1,7 @@
 """``mpdcc_core`` with the package of another converter, against its bit-true model.
 
-Sweep: three-level NPC and two-level converter; one and two explorers; SE and SESE with delay
-compensation; both variants.
+Sweep: three-level NPC and T-type, and two-level converter; one and two explorers; SE and SESE with
+delay compensation; both variants.
 Stimulus: closed loops of the model around the plant of each converter; every s(k-1) of the NPC.
 Checks: all fields of every decision; most clocks of a search of 27 candidates; a slip in the
 package is noticed.
@@ -54,6 +54,7 @@ def rows_of(drive: Drive, variant: str, steps: int) -> Rows:
         ("npc3l", 1, "fast", {}),
         ("npc3l", 2, "fast", {"switching_horizon": "SESE", "delay_compensation": True}),
         ("npc3l", 2, "paper", {"deadlock_rule": "largest", "outside_rule": "dead"}),
+        ("ttype3l", 2, "fast", {}),
         ("two_level", 2, "fast", {}),
     ],
 )
