@@ -483,7 +483,17 @@ KIT_PAPER = (
     "board_top-capacitor_filter_false-folded_true-inwards_false-leakage_estimate_false"
     "-second_level_false-weighted_deadlock_false"
 )
-"""Builds of the Spartan-3 kit, with the fast and with the paper's explorer."""
+KIT_PLAIN = (
+    "board_top-capacitor_filter_false-inwards_false-leakage_estimate_false"
+    "-second_level_false-weighted_deadlock_false"
+)
+"""Builds of the Spartan-3 kit: fast explorer, the paper's, the fast one without further rules."""
+
+
+def luts(*builds: tuple[str, str]) -> tuple[str, ...]:
+    """LUTs of builds and families, as the budgets have them."""
+    return tuple(f"{budgets.load().resources[name][family]['lut']:,}" for name, family in builds)
+
 
 ONE = "mpdcc_core-explorers_1-"
 PLAIN = f"{ONE}folded_false"
@@ -606,8 +616,15 @@ SAID: dict[str, list[Said]] = {
             f"{budgets.load().resources[KIT]['xc3s']['lut']:,}",)),
         ("need {} slices, which is too much; if all did, {}", lambda: tuple(
             f"{one:,}" for one in budgets.slices(budgets.load().resources[KIT]["xc3s"]))),
-        ("The build with the paper's explorer needs {} slices at most", lambda: (
-            f"{budgets.slices(budgets.load().resources[KIT_PAPER]['xc3s'])[0]:,}",)),
+        ("The build with the paper's explorer needs {} slices at most, {} too many", lambda: (
+            f"{(most := budgets.slices(budgets.load().resources[KIT_PAPER]['xc3s'])[0]):,}",
+            most - 7680)),
+        ("build takes {} LUTs on a Spartan-6 and {} on a Spartan-7", lambda: luts(
+            (KIT, "xc6s"), (KIT, "xc7"))),
+        ("it is {} LUTs on a Spartan-3 and {} on a Spartan-7", lambda: luts(
+            (KIT_PLAIN, "xc3s"), (KIT_PLAIN, "xc7"))),
+        ("it is {} and {}: this build fits", lambda: luts(
+            (KIT_PAPER, "xc3s"), (KIT_PAPER, "xc7"))),
     ],
     "docs/bounds.md": [
         ("the 6 kV drive alone, rated speed, bounds of {} to {} pu, means of eight starts of {}",
