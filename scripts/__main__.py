@@ -17,13 +17,7 @@ COMMANDS = Path(__file__).resolve().parent / "commands"
 
 
 def commands() -> dict[str, Path]:
-    """Name and file of every command.
-
-    Returns
-    -------
-    dict[str, Path]
-        Name as a user types it -> file, in order of the names.
-    """
+    """Name and file of every command."""
     files = sorted(path for path in COMMANDS.glob("*.py") if path.stem != "__init__")
     return {path.stem.replace("_", "-"): path for path in files}
 
@@ -37,24 +31,7 @@ def _overview() -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Hand the arguments to a command; 2 when there is none of that name.
-
-    Parameters
-    ----------
-    arguments : Sequence[str] | None
-        Command and its arguments; those of the process if None.
-
-    Returns
-    -------
-    int
-        Exit code of the command; 0 for the overview, 2 if there is no such command, 130 if it
-        was interrupted.
-
-    Raises
-    ------
-    SystemExit
-        With 2 where the command refuses an argument, with 0 after its --help.
-    """
+    """Hand the arguments to a command; 2 when there is none of that name."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if not given or given[0] in ("-h", "--help"):
         return reported("scripts", lambda: print(_overview()) or 0)

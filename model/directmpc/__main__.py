@@ -20,18 +20,7 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Do one command.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Of the command line; those of the process if not given.
-
-    Returns
-    -------
-    int
-        Exit code: 0, 2 on an error, 130 on an interrupt.
-    """
+    """Do one command."""
     return reported("directmpc", lambda: _main(arguments))
 
 

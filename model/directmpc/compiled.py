@@ -96,13 +96,7 @@ def _tolerate_full_disk(made: Any, folder: Path) -> None:
 
     @functools.wraps(save)
     def save_or_warn(*arguments: Any) -> None:
-        """Keep a compiled function, or say that it cannot be kept.
-
-        Parameters
-        ----------
-        *arguments : Any
-            As numba gives them.
-        """
+        """Keep a compiled function, or say that it cannot be kept."""
         try:
             save(*arguments)
         except OSError as error:
@@ -139,13 +133,7 @@ class _Compiling(event.Listener):  # type: ignore[misc]
             print(f"directmpc: {text}", file=sys.stderr, flush=True)
 
     def on_start(self, event: event.Event) -> None:
-        """A compilation begins, maybe within another one.
-
-        Parameters
-        ----------
-        event : Event
-            Of numba, with the function.
-        """
+        """A compilation begins, maybe within another one."""
         if self._said or not self._is_ours(event.data):
             return
         self._depth += 1
@@ -156,13 +144,7 @@ class _Compiling(event.Listener):  # type: ignore[misc]
             self._timer.start()
 
     def on_end(self, event: event.Event) -> None:
-        """A compilation ends.
-
-        Parameters
-        ----------
-        event : Event
-            Of numba, with the function.
-        """
+        """A compilation ends."""
         if self._timer is None or not self._is_ours(event.data):
             return
         self._depth -= 1

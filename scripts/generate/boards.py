@@ -93,18 +93,7 @@ def _ucf(board: Board) -> str:
 
 
 def text(board: Board) -> str:
-    """The constraint file of a board.
-
-    Parameters
-    ----------
-    board : Board
-        The board.
-
-    Returns
-    -------
-    str
-        For nextpnr, Vivado or ISE, by the board's family.
-    """
+    """The constraint file of a board."""
     return {"ecp5": _lpf, "xc7": _xdc}.get(board.family, _ucf)(board)
 
 

@@ -100,13 +100,7 @@ class Shell:
 
     @property
     def path(self) -> Path:
-        """File of the shell.
-
-        Returns
-        -------
-        Path
-            Below the entity's folder of `rtl/`.
-        """
+        """File of the shell."""
         return _RTL / self.folder / f"{self.entity}.vhd"
 
 
@@ -551,13 +545,7 @@ SHELLS: tuple[Shell, ...] = (MPDCC, MPTC, MPTC_FAMILY)
 def _aligned(
     rows: list[tuple[str, ...]], comments: list[str], between: tuple[str, ...]
 ) -> list[str]:
-    """Lines of a block of declarations, their parts and comments in columns.
-
-    Raises
-    ------
-    ValueError
-        If a line is too long.
-    """
+    """Lines of a block of declarations, their parts and comments in columns."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
     for row, comment in zip(rows, comments, strict=True):
@@ -616,18 +604,7 @@ def _associated(pairs: dict[str, str]) -> list[str]:
 
 
 def text(shell: Shell) -> str:
-    """The whole file of a shell.
-
-    Parameters
-    ----------
-    shell : Shell
-        What the file declares and connects.
-
-    Returns
-    -------
-    str
-        VHDL.
-    """
+    """The whole file of a shell."""
     converts = any(port.convert for group in shell.groups for port in group.ports)
     lines = [f"-- {line}".rstrip() for line in shell.header.splitlines()]
     lines += [

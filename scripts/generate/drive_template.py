@@ -203,23 +203,7 @@ def _key(controller: str, table: type, prefix: str, name: str, value: Any) -> li
 
 
 def of_plate(controller: str, plate: Nameplate) -> tuple[Any, list[str]]:
-    """The drive of a machine that is estimated from its name plate.
-
-    Parameters
-    ----------
-    controller : str
-        "mpdcc", "kbest" or "mptc".
-    plate : Nameplate
-        What the plate says.
-
-    Returns
-    -------
-    drive : Drive, KbestDrive or MptcDrive
-        With the machine of the plate; a five-level inverter is the shipped one, per unit, the
-        full scales of a two-level drive follow from the plate.
-    said : list of str
-        That it is an estimate, and what the estimated machine makes of the plate.
-    """
+    """The drive of a machine that is estimated from its name plate."""
     found, example = estimate(plate), load_drive(EXAMPLES[controller])
     m, z, omega = found.machine, found.impedance, 2.0 * math.pi * plate.frequency
     voltage, current = plate.voltage * math.sqrt(2.0 / 3.0), plate.current * math.sqrt(2.0)
@@ -269,27 +253,7 @@ def _rounded(value: float) -> float:
 
 
 def template(controller: str, drive: Any = None, said: Sequence[str] = ()) -> str:
-    """The text of a new drive file.
-
-    Parameters
-    ----------
-    controller : str
-        "mpdcc", "kbest" or "mptc".
-    drive : Drive, KbestDrive or MptcDrive, optional
-        Whose values stand in it; those of the shipped one without.
-    said : sequence of str
-        Paragraphs about the values of `drive`.
-
-    Returns
-    -------
-    str
-        TOML with every key, each with its comment; `load_drive` takes it.
-
-    Raises
-    ------
-    ValueError
-        If there is no such controller.
-    """
+    """The text of a new drive file."""
     if controller not in EXAMPLES:
         raise ValueError(f"controller: got '{controller}'; it must be {' or '.join(EXAMPLES)}")
     model = DRIVES[controller]

@@ -96,18 +96,7 @@ def _files() -> dict[str, list[Path]]:
 
 @functools.lru_cache(maxsize=1)
 def owners() -> dict[Path, str]:
-    """Which core file every VHDL file stands in.
-
-    Returns
-    -------
-    dict[Path, str]
-        File -> name of a public entity, ``COMMON`` or ``SHELL``.
-
-    Raises
-    ------
-    SourcesError
-        If a public entity does not exist, or files need each other.
-    """
+    """Which core file every VHDL file stands in."""
     needs = {entity: set(files) for entity, files in _files().items()}
     found: dict[Path, str] = {}
     for path in sorted(set().union(*needs.values())):
@@ -156,18 +145,7 @@ def _text(content: dict[str, Any]) -> str:
 
 
 def common() -> str:
-    """Text of the core file of what several cores share.
-
-    Returns
-    -------
-    str
-        YAML in FuseSoC's format CAPI=2.
-
-    Raises
-    ------
-    SourcesError
-        If files need each other.
-    """
+    """Text of the core file of what several cores share."""
     return _text({
         "name": _name(COMMON),
         "description": "Packages and entities that several cores of directmpc share",
@@ -177,23 +155,7 @@ def common() -> str:
 
 
 def core(entity: str) -> str:
-    """Text of the core file of an entity.
-
-    Parameters
-    ----------
-    entity : str
-        Its name.
-
-    Returns
-    -------
-    str
-        YAML in FuseSoC's format CAPI=2.
-
-    Raises
-    ------
-    SourcesError
-        If there is no such entity, or its files need each other.
-    """
+    """Text of the core file of an entity."""
     text = sources.entities()[entity].read_text(encoding="utf-8")
     parameters = _parameters(entity, text)
     targets: dict[str, Any] = {"default": {"filesets": ["rtl"]}}
@@ -217,31 +179,12 @@ def core(entity: str) -> str:
 
 
 def path_of(core: str) -> Path:
-    """Where a core file stands.
-
-    Parameters
-    ----------
-    core : str
-        An entity, or ``COMMON``.
-
-    Returns
-    -------
-    Path
-        The file.
-    """
+    """Where a core file stands."""
     return RTL / f"{core}.core"
 
 
 def write() -> None:
-    """Write every core file.
-
-    Raises
-    ------
-    SourcesError
-        If a public entity does not exist, or files need each other.
-    ToolError
-        If a file cannot be written.
-    """
+    """Write every core file."""
     tools.write(path_of(COMMON), common())
     for entity in (*PUBLIC, SHELL):
         tools.write(path_of(entity), core(entity))

@@ -53,13 +53,7 @@ def _table(name: str, kind: str, values: Sequence[int], text: str) -> list[str]:
 
 
 def text() -> str:
-    """The package.
-
-    Returns
-    -------
-    str
-        VHDL.
-    """
+    """The package."""
     t = bit_true.ANPC
     lines = [
         _HEADER,
@@ -103,12 +97,6 @@ def text() -> str:
 
 
 def write() -> list[Path]:
-    """Write the package.
-
-    Returns
-    -------
-    list of Path
-        The file.
-    """
+    """Write the package."""
     tools.write(_PATH, text())
     return [_PATH]

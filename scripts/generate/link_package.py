@@ -44,13 +44,7 @@ def _crc_table() -> list[str]:
 
 
 def text() -> str:
-    """The whole package.
-
-    Returns
-    -------
-    str
-        VHDL.
-    """
+    """The whole package."""
     lines = [
         _HEADER,
         "library ieee;",

@@ -394,13 +394,7 @@ def _program() -> list[str]:
 
 
 def text() -> str:
-    """The whole package.
-
-    Returns
-    -------
-    str
-        VHDL.
-    """
+    """The whole package."""
     return "\n".join(
         [
             _HEADER,

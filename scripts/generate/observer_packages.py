@@ -39,23 +39,7 @@ def _indices(prefix: str, names: tuple[str, ...]) -> list[str]:
 
 
 def text(entity: str) -> str:
-    """The package of one observer.
-
-    Parameters
-    ----------
-    entity : str
-        Key of ``PROGRAMS``.
-
-    Returns
-    -------
-    str
-        VHDL.
-
-    Raises
-    ------
-    KeyError
-        If there is no such observer.
-    """
+    """The package of one observer."""
     program, source = PROGRAMS[entity]
     a, b, seeds = places(program.a), places(program.b), places(program.seeds)
     events = program.events
@@ -152,19 +136,7 @@ _FROM_MEMORY = 1 << PLACE_BITS + (len(SOURCES) - 1).bit_length()
 
 
 def factor(product: state.Product) -> int:
-    """Word of operand B of a product in bits.
-
-    Parameters
-    ----------
-    product : state.Product
-        The product.
-
-    Returns
-    -------
-    int
-        Place in the memory, above it the number of the source, and above that the bit of the
-        memory. Where operand A is the coefficient of a slope, the place is that one's.
-    """
+    """Word of operand B of a product in bits."""
     name, place = product.b or "zero", 0
     if name == "charge":
         earlier = [p.clock for p in state.PRODUCTS if p.b == "charge"]
@@ -189,13 +161,7 @@ def _stored_places() -> list[str]:
 
 
 def state_text() -> str:
-    """The package of ``state_observer``.
-
-    Returns
-    -------
-    str
-        VHDL.
-    """
+    """The package of ``state_observer``."""
     products = [
         (
             p.clock,

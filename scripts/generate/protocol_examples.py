@@ -36,13 +36,7 @@ MEASUREMENTS = (
 
 
 def frames() -> list[tuple[str, Frame]]:
-    """Examples with a title each.
-
-    Returns
-    -------
-    list of tuple of str and Frame
-        In the order of the page.
-    """
+    """Examples with a title each."""
     identity = Identity(p.VERSION, Controller.MPDCC, 2, 2, 4, 25_000_000, 125_000)
     measured = p.step_payload(list(MEASUREMENTS), p.packed_positions((6, 2, 1)), 5)
     decided = Decision(p.packed_positions((7, 2, 1)), 1 << p.Flag.ENABLED, 12, 81, 0, 0x35A6AC)
@@ -102,23 +96,7 @@ def _outcomes() -> str:
 
 
 def page(text: str) -> str:
-    """The page with everything between its marks written anew.
-
-    Parameters
-    ----------
-    text : str
-        The page.
-
-    Returns
-    -------
-    str
-        The page.
-
-    Raises
-    ------
-    MarkerError
-        If a mark is missing.
-    """
+    """The page with everything between its marks written anew."""
     for name, body in (("examples", _examples()), ("outcomes", _outcomes())):
         begin, end = (mark.format(name) for mark in _MARKS)
         text = tables.between(text, body, begin, end)

@@ -189,18 +189,7 @@ def _mpdcc_text(name: str) -> str:
 
 
 def parameters(controller: str) -> list[Word]:
-    """Parameters of a controller and its observer in port order.
-
-    Parameters
-    ----------
-    controller : str
-        "mpdcc" or "mptc".
-
-    Returns
-    -------
-    list[Word]
-        A word for each port.
-    """
+    """Parameters of a controller and its observer in port order."""
     if controller == "mpdcc":
         width = formats.COEFFICIENT_WIDTH
         words = [
@@ -293,18 +282,7 @@ def parameters(controller: str) -> list[Word]:
 
 
 def measurements(controller: str) -> list[Word]:
-    """Measurements and references of a controller in port order.
-
-    Parameters
-    ----------
-    controller : str
-        "mpdcc" or "mptc".
-
-    Returns
-    -------
-    list[Word]
-        A word for each port.
-    """
+    """Measurements and references of a controller in port order."""
     if controller == "mpdcc":
         words = [
             Word(name, form.width, form.signed, f"1/{form.scale:.9g} pu")
@@ -442,13 +420,7 @@ _MANUAL = """\
 
 
 def _described(text: str) -> str:
-    """A register block with a comment at the end of each port's line.
-
-    Raises
-    ------
-    ValueError
-        If its ports are not the known ones.
-    """
+    """A register block with a comment at the end of each port's line."""
     ports = re.compile(r"^( +)(\w+)( : (?:in|out) [^;\n]+;?)$", re.M)
     head, end, rest = text.partition("\nend entity ")
     found = [match.group(2) for match in ports.finditer(head)]
@@ -517,13 +489,7 @@ _WRITTEN = r"decoded_reg_strb\.(\S+) and decoded_req_is_wr\b"
 
 
 def _quick(text: str) -> str:
-    """A register block with short paths from an address, see `_PLACES` and what stands above it.
-
-    Raises
-    ------
-    ValueError
-        If its text is not the known one.
-    """
+    """A register block with short paths from an address, see `_PLACES` and what stands above it."""
     own = _EXTERNAL if "external_pending" in text else _INTERNAL
     for before, after, count in (*own, *_PLACES):
         if text.count(before) != count:
@@ -592,18 +558,7 @@ def _rows(values: Iterable[int], per_line: int = 16) -> str:
 
 
 def places(controller: str) -> dict[str, int]:
-    """Place of each parameter: how many registers stand before its own.
-
-    Parameters
-    ----------
-    controller : str
-        "mpdcc" or "mptc".
-
-    Returns
-    -------
-    dict[str, int]
-        Name of the register and its place.
-    """
+    """Place of each parameter: how many registers stand before its own."""
     return {word.name: n for n, word in enumerate(parameters(controller))}
 
 
@@ -652,13 +607,7 @@ def _registers(top: AddrmapNode) -> list[RegNode]:
 
 
 def _places(top: AddrmapNode) -> dict[str, int]:
-    """Address of the control register, and the upper bits of the blocks that are shadows.
-
-    Raises
-    ------
-    ValueError
-        If a block's upper bits are not its own.
-    """
+    """Address of the control register, and the upper bits of the blocks that are shadows."""
     found = {}
     addresses = {
         node.get_path().partition(".")[2]: node.absolute_address for node in _registers(top)
@@ -725,13 +674,7 @@ _REGIONS = {
 
 
 def _regions(tops: dict[str, AddrmapNode]) -> str:
-    """First and last address of each block, by controller.
-
-    Raises
-    ------
-    KeyError
-        If a block has no words.
-    """
+    """First and last address of each block, by controller."""
     found: dict[str, dict[str, list[int]]] = {}
     for controller, top in tops.items():
         for node in _registers(top):

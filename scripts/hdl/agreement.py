@@ -345,39 +345,7 @@ def compare(
     clocks: int = CLOCKS,
     seed: int = 1,
 ) -> Agreement:
-    """Compare an entity with its converted Verilog.
-
-    Parameters
-    ----------
-    top : str
-        The entity.
-    generics : Generics
-        Those that are not at their defaults.
-    files : Sequence[Path]
-        VHDL in compile order.
-    std : str
-        Version of VHDL, "93" or "08".
-    verilog : Path
-        The netlist.
-    clocks : int
-        How many clocks.
-    seed : int
-        Of the inputs.
-
-    Returns
-    -------
-    Agreement
-        How much was compared.
-
-    Raises
-    ------
-    NotComparableError
-        If a port cannot be driven or read.
-    NetlistError
-        If an output differs; the message names it and the clock.
-    ToolError
-        If a tool is missing or fails.
-    """
+    """Compare an entity with its converted Verilog."""
     inputs, outputs = _ports(top, files, verilog)
     clock = _clock(inputs)
     inputs = [port for port in inputs if port.name != clock]
@@ -416,35 +384,7 @@ def checked(
     files: Sequence[Path] | None = None,
     std: str | None = None,
 ) -> tuple[Path, Repairs, str]:
-    """Convert an entity, compare the Verilog with the VHDL, and write it if they agree.
-
-    Parameters
-    ----------
-    top : str
-        The entity.
-    generics : Generics | None
-        Those that are not at their defaults.
-    out : Path | None
-        File of the Verilog; below build/verilog if None.
-    files : Sequence[Path] | None
-        VHDL in compile order; what the entity needs of rtl/ if None.
-    std : str | None
-        Version of VHDL, "93" or "08"; the oldest that the files allow if None.
-
-    Returns
-    -------
-    tuple of Path, Repairs and str
-        The file, how much was restored, and what the comparison says.
-
-    Raises
-    ------
-    NetlistError
-        If the netlist cannot be trusted; then nothing is written.
-    ToolError
-        If a tool is missing or fails.
-    SourcesError
-        If there is no such entity.
-    """
+    """Convert an entity, compare the Verilog with the VHDL, and write it if they agree."""
     generics = generics or {}
     files = files or sources.compile_order(top, sources.rtl_files())
     std = std or sources.standard(files)

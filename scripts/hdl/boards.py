@@ -78,40 +78,11 @@ class Board:
     left_out: tuple[str, ...] = ()
 
     def core_mhz(self, controller: str) -> float:
-        """Clock of the core.
-
-        Parameters
-        ----------
-        controller : str
-            One of `BUILDS`.
-
-        Returns
-        -------
-        float
-            MHz.
-        """
+        """Clock of the core."""
         return self.pll_mhz.get(controller) or self.clock_mhz / self.divide
 
     def generics(self, controller: str, explorers: int = 1) -> Generics:
-        """Generics of board_top.
-
-        Parameters
-        ----------
-        controller : str
-            One of `BUILDS`.
-        explorers : int
-            Explorers, 1 to 6; they count for "mpdcc" alone.
-
-        Returns
-        -------
-        Generics
-            Generic -> value; CLOCK_HZ in Hz, BAUD in bits a second.
-
-        Raises
-        ------
-        KeyError
-            If there is no such controller.
-        """
+        """Generics of board_top."""
         found: Generics = {
             "CONTROLLER": {"mpdcc": 1, "mptc": 2, "family": 2}[controller],
             "CLOCK_HZ": int(self.core_mhz(controller) * 1e6),
@@ -129,24 +100,12 @@ class Board:
 
     @property
     def vendor_files(self) -> tuple[Path, ...]:
-        """Verilog with the vendor's primitives that its top needs.
-
-        Returns
-        -------
-        tuple of Path
-            The module ``board_clock`` of a board with a PLL, else nothing.
-        """
+        """Verilog with the vendor's primitives that its top needs."""
         return (ROOT / "rtl" / "boards" / f"{self.family}_clock.v",) if self.pll_mhz else ()
 
     @property
     def constraint_file(self) -> Path:
-        """Where its constraints are.
-
-        Returns
-        -------
-        Path
-            File below `constraints/`: .lpf for ECP5, .xdc for 7 series, else .ucf.
-        """
+        """Where its constraints are."""
         suffix = {"ecp5": "lpf", "xc7": "xdc"}.get(self.family, "ucf")
         stem = self.name.rsplit("-", 1)[0] if self.family == "ecp5" else self.name
         return CONSTRAINTS / f"{stem.replace('-', '_')}.{suffix}"

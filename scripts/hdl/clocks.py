@@ -21,25 +21,7 @@ class BudgetError(ToolError):
 
 
 def read(path: Path = BUDGETS) -> dict[str, Any]:
-    """Everything in the file of budgets.
-
-    Parameters
-    ----------
-    path : Path
-        The file of budgets.
-
-    Returns
-    -------
-    dict[str, Any]
-        Parts of the file: ``tools``, ``resources``, ``cycles``.
-
-    Raises
-    ------
-    BudgetError
-        If it is no TOML.
-    OSError
-        If it cannot be read.
-    """
+    """Everything in the file of budgets."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:
@@ -58,27 +40,7 @@ def forget() -> None:
 
 
 def clocks_of(entity: str, figure: str, variant: str | None = None) -> int:
-    """Clocks of an entity that its test bench asserts.
-
-    Parameters
-    ----------
-    entity : str
-        Entity of the design.
-    figure : str
-        Name of the figure, "latency" or "hold" for instance.
-    variant : str | None
-        Part of the entity's table; None where the table has no parts.
-
-    Returns
-    -------
-    int
-        Clock cycles.
-
-    Raises
-    ------
-    BudgetError
-        If there is no such figure.
-    """
+    """Clocks of an entity that its test bench asserts."""
     found: Any = _cycles().get(entity, {})
     if variant is not None:
         found = found.get(variant, {})
@@ -90,25 +52,7 @@ def clocks_of(entity: str, figure: str, variant: str | None = None) -> int:
 
 
 def worst_clocks(explorers: int, variant: str) -> int:
-    """Most clocks of a decision of mpdcc_core, any input.
-
-    Parameters
-    ----------
-    explorers : int
-        Explorers, from 1 on.
-    variant : str
-        "fast", "paper" or "sese".
-
-    Returns
-    -------
-    int
-        Clock cycles.
-
-    Raises
-    ------
-    BudgetError
-        If the file has no figure for that many explorers.
-    """
+    """Most clocks of a decision of mpdcc_core, any input."""
     values = _cycles().get("mpdcc_core", {}).get(variant, {}).get("worst", [])
     if not 1 <= explorers <= len(values):
         raise BudgetError(
@@ -121,28 +65,6 @@ def worst_clocks(explorers: int, variant: str) -> int:
 def worst_cycles(
     variant: str, explorers: int, two_switchings: bool = False, compensate: bool = False
 ) -> int:
-    """Most clock cycles of a decision of an MPDCC core, any input.
-
-    Parameters
-    ----------
-    variant : str
-        "fast" or "paper".
-    explorers : int
-        Explorers of the core, from 1 on.
-    two_switchings : bool
-        Whether SESE is set, without a budget; the fast variant alone has it.
-    compensate : bool
-        Whether the core predicts k + 1 first; the fast variant alone can.
-
-    Returns
-    -------
-    int
-        The published bound, counted as `cycles` of the decisions file.
-
-    Raises
-    ------
-    BudgetError
-        If the file has no such figure.
-    """
+    """Most clock cycles of a decision of an MPDCC core, any input."""
     most = worst_clocks(explorers, "sese" if two_switchings else variant)
     return most + (clocks_of("mpdcc_core", "prediction", "sese") if compensate else 0)

@@ -358,23 +358,7 @@ COMPLETE_FROM = 5
 
 
 def loses(version: str) -> bool:
-    """Whether a GHDL that prints this as its version has to be converted the long way.
-
-    Parameters
-    ----------
-    version : str
-        First line of ``ghdl --version``.
-
-    Returns
-    -------
-    bool
-        True for versions before 5.
-
-    Raises
-    ------
-    NetlistError
-        If the line holds no version.
-    """
+    """Whether a GHDL that prints this as its version has to be converted the long way."""
     found = re.match(r"GHDL (\d+)\.", version)
     if found is None:
         raise NetlistError(f"cannot read the version of GHDL in '{version}'")
@@ -382,18 +366,7 @@ def loses(version: str) -> bool:
 
 
 def needs_vhdl(verilog: str) -> bool:
-    """Whether the Verilog text has parts that only the VHDL form can restore.
-
-    Parameters
-    ----------
-    verilog : str
-        What GHDL 2.0 writes.
-
-    Returns
-    -------
-    bool
-        True if it has an arithmetic shift or a `case` without default.
-    """
+    """Whether the Verilog text has parts that only the VHDL form can restore."""
     if _SHIFT.search(verilog):
         return True
     return any("default:" not in case.group(3) for case in _CASE.finditer(verilog))
@@ -404,25 +377,6 @@ def repair(verilog: str, vhdl: str | None, top: str) -> tuple[str, Repairs]:
 
     Without VHDL every `case` is taken as it is: GHDL 5 writes no default where all choices are
     there.
-
-    Parameters
-    ----------
-    verilog : str
-        What GHDL writes.
-    vhdl : str | None
-        The same netlist in VHDL; None where GHDL writes whole Verilog.
-    top : str
-        Entity that has been converted.
-
-    Returns
-    -------
-    tuple of str and Repairs
-        The Verilog, and how much was restored.
-
-    Raises
-    ------
-    NetlistError
-        If a part of one form has no twin in the other, or cannot be trusted.
     """
     architectures = _read_vhdl(vhdl or "")
     modules = {name.lower() for name in re.findall(r"^module (\w+)", verilog, re.M)}
@@ -573,25 +527,7 @@ _VHDL_COMMENT = re.compile(r"--[^\n]*|/\*.*?\*/", re.S)
 
 
 def interface(top: str, files: Sequence[Path]) -> Interface:
-    """Generics and ports of an entity.
-
-    Parameters
-    ----------
-    top : str
-        The entity.
-    files : Sequence[Path]
-        VHDL, one of which declares it.
-
-    Returns
-    -------
-    Interface
-        As it is declared.
-
-    Raises
-    ------
-    DesignError
-        If no file declares it.
-    """
+    """Generics and ports of an entity."""
     entity = re.compile(
         rf"((?:\b(?:library|use|context)\b[^;]*;\s*)*)"
         rf"\bentity\s+{top}\s+is\b(.*?)\bend\s*(?:entity\b|{top}\b|;)",
@@ -708,18 +644,7 @@ _MEMORY = re.compile(r"^ *reg \[(\d+):0\] (\w+)\[(\d+):0\] ; // memory$", re.M)
 
 
 def check_zeros(verilog: str) -> None:
-    """Refuse a constant of zeros whose topmost 32 bits GHDL 2.0 may have lost, see the module.
-
-    Parameters
-    ----------
-    verilog : str
-        Converted netlist.
-
-    Raises
-    ------
-    NetlistError
-        If there is such a constant; it names the module.
-    """
+    """Refuse a constant of zeros whose topmost 32 bits GHDL 2.0 may have lost, see the module."""
 
     def _suspect(bits: int) -> bool:
         return bits > 32 and bits % 32 == 0
@@ -745,22 +670,7 @@ def check_zeros(verilog: str) -> None:
 
 
 def check_structure(verilog: Path, top: str) -> None:
-    """Refuse a latch, a combinational loop, an undriven wire or a second driver.
-
-    Parameters
-    ----------
-    verilog : Path
-        Converted netlist.
-    top : str
-        Entity at its top.
-
-    Raises
-    ------
-    NetlistError
-        If Yosys finds one of them, or fails.
-    ToolError
-        If there is no Yosys.
-    """
+    """Refuse a latch, a combinational loop, an undriven wire or a second driver."""
     with tempfile.NamedTemporaryFile(
         "w", dir=verilog.parent, suffix=".v", encoding="utf-8"
     ) as interfaces:
@@ -796,39 +706,7 @@ def convert(
     std: str | None = None,
     check: bool = True,
 ) -> tuple[Path, Repairs]:
-    """Write the Verilog of `top` with `generics` to `out` and return its path and the repairs.
-
-    Parameters
-    ----------
-    top : str
-        Entity.
-    generics : Generics | None
-        Those that are not at their defaults.
-    out : Path | None
-        File of the Verilog; below build/netlist if None.
-    files : Sequence[Path] | None
-        VHDL in compile order; what the entity needs of rtl/ if None.
-    std : str | None
-        Version of VHDL, "93" or "08"; the oldest that the files allow if None.
-    check : bool
-        Whether zeros and structure are looked at, see `check_zeros` and `check_structure`.
-
-    Returns
-    -------
-    tuple of Path and Repairs
-        The file, and how much was restored.
-
-    Raises
-    ------
-    NetlistError
-        If two conversions disagree, or the netlist cannot be trusted.
-    DesignError
-        If GHDL refuses the VHDL, or the entity has no such generic.
-    ToolError
-        If GHDL or Yosys is missing, or Yosys fails.
-    SourcesError
-        If there is no such entity.
-    """
+    """Write the Verilog of `top` with `generics` to `out` and return its path and the repairs."""
     generics = generics or {}
     if files is None:
         files = sources.compile_order(top, sources.rtl_files())
@@ -861,31 +739,7 @@ def convert(
 
 
 def cached(top: str, generics: Generics | None = None, *, std: str | None = None) -> Path:
-    """The Verilog of a configuration, converted only when its sources or tools have changed.
-
-    Parameters
-    ----------
-    top : str
-        Entity.
-    generics : Generics | None
-        Those that are not at their defaults.
-    std : str | None
-        Version of VHDL, "93" or "08"; the oldest that the files allow if None.
-
-    Returns
-    -------
-    Path
-        The file, below build/netlist.
-
-    Raises
-    ------
-    NetlistError
-        If the netlist cannot be trusted.
-    ToolError
-        If GHDL or Yosys is missing or fails.
-    SourcesError
-        If there is no such entity.
-    """
+    """The Verilog of a configuration, converted only when its sources or tools have changed."""
     generics = generics or {}
     files = sources.compile_order(top, sources.rtl_files())
     std = std or sources.standard(files)
@@ -913,16 +767,6 @@ def meaning(verilog: str) -> str:
 
     Where a line stands in the VHDL is nothing a result depends on, nor what GHDL numbered before a
     net, which it does throughout a design.
-
-    Parameters
-    ----------
-    verilog : str
-        Converted netlist.
-
-    Returns
-    -------
-    str
-        The text without lines of comments.
     """
     text = re.sub(r"^\s*(?:/\*.*\*/|//.*)\n", "", verilog, flags=re.M)
     return re.sub(r"^module .*?^endmodule", _renumbered, text, flags=re.M | re.S)
@@ -941,15 +785,5 @@ def modules(verilog: str) -> dict[str, str]:
 
     A module is the same text in every design that holds it with the same generics, or its
     conversion depends on what is around it.
-
-    Parameters
-    ----------
-    verilog : str
-        Converted netlist.
-
-    Returns
-    -------
-    dict[str, str]
-        Name -> text between ``module`` and ``endmodule``.
     """
     return {match.group(1): match.group(2) for match in _MODULE.finditer(meaning(verilog))}

@@ -144,19 +144,7 @@ def _stops(leg: Converter) -> list[str]:
 
 
 def text(name: str = tables.DEFAULT) -> str:
-    """The package of the leg, from which the core takes all that it knows of a converter.
-
-    Parameters
-    ----------
-    name : str
-        One of ``tables.NAMES``. How a leg stops and starts is in the package of the usual one
-        alone: the gate guard serves no other.
-
-    Returns
-    -------
-    str
-        VHDL; whatever the converter, the package has one name.
-    """
+    """The package of the leg, from which the core takes all that it knows of a converter."""
     leg = tables.leg_of(name)
     usual = name == tables.DEFAULT
     return "\n".join(
@@ -177,18 +165,7 @@ def text(name: str = tables.DEFAULT) -> str:
 
 
 def rtl_of(name: str) -> Path:
-    """Folder of the design with the package of a converter.
-
-    Parameters
-    ----------
-    name : str
-        One of ``tables.NAMES``.
-
-    Returns
-    -------
-    Path
-        `rtl/` itself for the usual one, else a copy below `build/`, of this state of the files.
-    """
+    """Folder of the design with the package of a converter."""
     if name == tables.DEFAULT:
         return RTL
     package, files = text(name), sorted(RTL.rglob("*.vhd"))
@@ -205,23 +182,7 @@ def rtl_of(name: str) -> Path:
 
 
 def converter_of(registers: np.ndarray) -> str:
-    """Converter that register values are for.
-
-    Parameters
-    ----------
-    registers : ndarray of int64
-        ``Registers.array()``, or n rows of it.
-
-    Returns
-    -------
-    str
-        One of ``tables.NAMES``.
-
-    Raises
-    ------
-    ValueError
-        If the rows are for several: a core has the tables of one.
-    """
+    """Converter that register values are for."""
     rows = np.unique(np.atleast_2d(registers)[:, INDEX["first_row"]])
     if len(rows) != 1:
         raise ValueError("the rows are for several converters; a core has the tables of one")

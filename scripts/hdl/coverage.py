@@ -106,41 +106,18 @@ class Seen:
     bits: dict[tuple[str, int], int] = field(default_factory=dict)
 
     def join(self, other: Seen) -> None:
-        """Add what another simulation has seen.
-
-        Parameters
-        ----------
-        other : Seen
-            Of the same entity.
-        """
+        """Add what another simulation has seen."""
         for condition, ways in other.conditions.items():
             self.conditions[condition] = self.conditions.get(condition, 0) | ways
         for bit, ways in other.bits.items():
             self.bits[bit] = self.bits.get(bit, 0) | ways
 
     def of_conditions(self) -> tuple[int, int]:
-        """Conditions seen both ways.
-
-        Returns
-        -------
-        tuple of int
-            How many, and of how many.
-        """
+        """Conditions seen both ways."""
         return sum(ways == 3 for ways in self.conditions.values()), len(self.conditions)
 
     def of_lines(self, file: str) -> tuple[int, int]:
-        """Lines of the entity's own file all of whose conditions were seen both ways.
-
-        Parameters
-        ----------
-        file : str
-            Name of the entity's file; functions of packages stand in others.
-
-        Returns
-        -------
-        tuple of int
-            How many, and of how many lines with a condition.
-        """
+        """Lines of the entity's own file all of whose conditions were seen both ways."""
         lines: dict[int, bool] = {}
         for condition, ways in self.conditions.items():
             if condition.file == file:
@@ -148,31 +125,12 @@ class Seen:
         return sum(lines.values()), len(lines)
 
     def of_bits(self) -> tuple[int, int]:
-        """Bits that have risen and fallen.
-
-        Returns
-        -------
-        tuple of int
-            How many, and of how many.
-        """
+        """Bits that have risen and fallen."""
         return sum(ways == 3 for ways in self.bits.values()), len(self.bits)
 
 
 def entity_of(module: str, entities: Iterable[str]) -> str:
-    """The entity that a module was made of.
-
-    Parameters
-    ----------
-    module : str
-        Its name: that of the entity, and what GHDL adds for generics.
-    entities : Iterable[str]
-        Names of all entities.
-
-    Returns
-    -------
-    str
-        The longest name that fits; the module's own where there is none.
-    """
+    """The entity that a module was made of."""
     fitting = [name for name in entities if module == name or module.startswith(f"{name}_")]
     return max(fitting, key=len, default=module)
 
@@ -273,22 +231,7 @@ def _counters(name: str, terms: list[str], signals: list[tuple[str, int]], reset
 def instrument(
     verilog: str, entities: Mapping[str, Path] | None = None
 ) -> tuple[str, dict[str, _Module]]:
-    """Add counters to a netlist.
-
-    Parameters
-    ----------
-    verilog : str
-        Converted netlist, with GHDL's comments.
-    entities : Mapping[str, Path] | None
-        Entities of the design; those of rtl/ if None.
-
-    Returns
-    -------
-    text : str
-        The netlist with counters, for Verilator.
-    modules : dict[str, _Module]
-        What `collect` needs to read their values.
-    """
+    """Add counters to a netlist."""
     names = list(entities if entities is not None else sources.entities())
     modules: dict[str, _Module] = {}
 
@@ -336,25 +279,7 @@ Constants = dict[tuple[str, int], str]
 
 
 def constants(netlist: Path, top: str) -> dict[str, Constants]:
-    """Bits that no stimulus can change.
-
-    Parameters
-    ----------
-    netlist : Path
-        Converted netlist, without counters.
-    top : str
-        Its top module.
-
-    Returns
-    -------
-    dict[str, Constants]
-        Module -> signals and bits that are constant in each of its instances.
-
-    Raises
-    ------
-    ToolError
-        If Yosys is missing or fails.
-    """
+    """Bits that no stimulus can change."""
     with tempfile.TemporaryDirectory(prefix="constants-") as name:
         # Yosys of PyPI sees the folder that it runs in
         shutil.copy(netlist, Path(name) / "whole.v")
@@ -403,22 +328,7 @@ def collect(
     modules: Mapping[str, _Module],
     constant: Mapping[str, Constants] | None = None,
 ) -> dict[str, Seen]:
-    """What a simulation has seen.
-
-    Parameters
-    ----------
-    text : str
-        What it wrote.
-    modules : Mapping[str, _Module]
-        As `instrument` returned them.
-    constant : Mapping[str, Constants] | None
-        As `constants` returned them; None where every bit is counted.
-
-    Returns
-    -------
-    dict[str, Seen]
-        Entity -> what its instances have seen together; entities without an instance are left out.
-    """
+    """What a simulation has seen."""
     found: dict[str, Seen] = {}
     places: dict[str, list[tuple[str, int]]] = {
         name: [(signal, bit) for signal, size in module.signals for bit in range(size)]

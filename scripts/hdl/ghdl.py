@@ -38,13 +38,6 @@ class BenchError(AssertionError):
 class CheckError(BenchError):
     """The bench ran to a check that failed: neither a crash nor a bench that took too long.
 
-    Parameters
-    ----------
-    check : str
-        What the check says of itself.
-    log : str
-        End of the bench's log.
-
     Attributes
     ----------
     check : str
@@ -62,23 +55,7 @@ class BuildError(RuntimeError):
 
 @contextlib.contextmanager
 def chosen_ghdl(folder: Path) -> Iterator[None]:
-    """Let cocotb start the GHDL of `tools.simulator`: by itself it starts the `ghdl` of the PATH.
-
-    Parameters
-    ----------
-    folder : Path
-        A script called `ghdl` goes there, in a folder of its own.
-
-    Yields
-    ------
-    None
-        Once, while that GHDL is found first.
-
-    Raises
-    ------
-    ToolError
-        If there is no GHDL.
-    """
+    """Let cocotb start the GHDL of `tools.simulator` in place of the `ghdl` of the PATH."""
     script = folder / "bin" / "ghdl"
     script.parent.mkdir(parents=True, exist_ok=True)
     script.write_text(f'#!/bin/sh\nexec {shlex.join(tools.simulator())} "$@"\n')
@@ -124,42 +101,7 @@ def execute(
     timeout: int | None = 900,
     waves: Path | None = None,
 ) -> None:
-    """Analyse, elaborate and run; raise where that fails or a cocotb test does.
-
-    Parameters
-    ----------
-    top : str
-        Entity to simulate.
-    module : str
-        Cocotb module, importable from the root of the project.
-    folder : Path
-        Where everything is built and left.
-    units : Sequence[str]
-        Units of the design that are needed, with all they need.
-    files : Sequence[Path]
-        VHDL files of the bench, in compile order; they find the design in library `directmpc`.
-    generics : Mapping[str, object] | None
-        Of the top; text or numbers as GHDL's command line takes them.
-    environment : Mapping[str, str] | None
-        For the cocotb module.
-    rtl : Path
-        Folder of the design.
-    timeout : int | None
-        Seconds until the simulator is ended; never, if None.
-    waves : Path | None
-        File for every signal of the run, in the format FST; none is written if None.
-
-    Raises
-    ------
-    BuildError
-        If a file does not compile.
-    CheckError
-        If a check of the bench fails.
-    BenchError
-        If the bench ends otherwise, by a crash or the time limit for instance.
-    ToolError
-        If there is no GHDL.
-    """
+    """Analyse, elaborate and run; raise where that fails or a cocotb test does."""
     available = rtl_files(rtl)
     sources: list[Path] = []
     for unit in units:
@@ -175,11 +117,6 @@ def _build(
     """Analyse the design into its library and the bench's files into theirs.
 
     Returns the library that holds the top.
-
-    Raises
-    ------
-    BuildError
-        If a file does not compile.
     """
     own = any(top.lower() in unit.entities for unit in scan(sources))
     ghdl = tools.simulator()

@@ -42,18 +42,7 @@ def _version(ghdl: tuple[str, ...]) -> str:
 
 
 def compiles() -> bool:
-    """Whether the GHDL that `tools.simulator` names writes machine code when it analyses.
-
-    Returns
-    -------
-    bool
-        False for mcode, which compiles while it elaborates.
-
-    Raises
-    ------
-    ToolError
-        If there is no GHDL, or it fails.
-    """
+    """Whether the GHDL that `tools.simulator` names writes machine code when it analyses."""
     return "mcode" not in _version(tuple(tools.simulator()))
 
 
@@ -108,24 +97,7 @@ def _analyse(
 
 
 def analyse(folder: Path, sources: Sequence[Path], rtl: Path, standard: str) -> None:
-    """Put the design into a folder as a library, with as little compiling as it takes.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the library is to be, `sources.LIBRARY`.
-    sources : Sequence[Path]
-        Files of the design, each after all it depends on.
-    rtl : Path
-        Folder of the design, which holds them.
-    standard : str
-        Option that chooses the version of the language.
-
-    Raises
-    ------
-    ToolError
-        If there is no GHDL, or a file does not compile.
-    """
+    """Put the design into a folder as a library, with as little compiling as it takes."""
     # a library knows where its files are
     name = tools.digest(_version(tuple(tools.simulator())), standard, str(RTL))[:16]
     kept = KEPT / name

@@ -29,20 +29,7 @@ PATIENCE_CLOCKS = 10_000  # several times the slowest decision: then the core ha
 
 
 def pack_row(measurement: np.ndarray, s_prev: np.ndarray) -> int:
-    """One row of inputs as the bench takes it.
-
-    Parameters
-    ----------
-    measurement : np.ndarray
-        Words in the order of ``formats.MEASUREMENTS``, shape (13,).
-    s_prev : np.ndarray
-        s(k-1), positions 0 to 7, shape (3,).
-
-    Returns
-    -------
-    int
-        16 bits a measurement, the first lowest, then three bits a phase.
-    """
+    """One row of inputs as the bench takes it."""
     words = (np.asarray(measurement, dtype=np.int64) & 0xFFFF).astype("<u2").tobytes()
     positions = int(s_prev[0]) | int(s_prev[1]) << 3 | int(s_prev[2]) << 6
     return int.from_bytes(words, "little") | positions << (_WIDTH * len(MEASUREMENTS))
@@ -53,18 +40,7 @@ _TAIL = (6, 2, 1, 12, 1, 1, 1)
 
 
 def pack_parameters(registers: np.ndarray) -> int:
-    """Parameter ports as the bench takes them: 16-bit words, then those of ``_TAIL``.
-
-    Parameters
-    ----------
-    registers : np.ndarray
-        `Registers.array()`, shape (44,).
-
-    Returns
-    -------
-    int
-        The ports side by side, the first lowest.
-    """
+    """Parameter ports as the bench takes them: 16-bit words, then those of ``_TAIL``."""
     ports = registers[: len(registers) - len(BUILT)]
     words = len(ports) - len(_TAIL)
     value, shift = 0, 0
@@ -75,20 +51,7 @@ def pack_parameters(registers: np.ndarray) -> int:
 
 
 def unpack_response(response: int, cycles: int) -> tuple[int, ...]:
-    """Fields of a decision in the order of ``FIELDS``.
-
-    Parameters
-    ----------
-    response : int
-        Port ``response`` of the bench, 19 bits.
-    cycles : int
-        Clock cycles of the decision.
-
-    Returns
-    -------
-    tuple of int
-        Nine fields.
-    """
+    """Fields of a decision in the order of ``FIELDS``."""
     return (
         response & 7,
         response >> 3 & 7,
@@ -103,15 +66,7 @@ def unpack_response(response: int, cycles: int) -> tuple[int, ...]:
 
 
 class Bench:
-    """Drives the bench's ports; ``registers`` are those of all rows, or have a row for each.
-
-    Parameters
-    ----------
-    dut : cocotb handle
-        The bench ``mpdcc_core_bench``.
-    registers : np.ndarray
-        Parameters, shape (44,), or (n, 44) for n rows.
-    """
+    """Drives the bench's ports; ``registers`` are those of all rows, or have a row for each."""
 
     def __init__(self, dut, registers: np.ndarray) -> None:
         self.dut = dut
@@ -130,35 +85,11 @@ class Bench:
         await Timer(2 * CLOCK_NS, "ns")
 
     def use(self, registers: np.ndarray) -> None:
-        """Take other parameters for the next decision.
-
-        Parameters
-        ----------
-        registers : np.ndarray
-            ``Registers.array()``, shape (p,).
-        """
+        """Take other parameters for the next decision."""
         self.dut.parameters.value = pack_parameters(registers)
 
     async def decide(self, measurement: np.ndarray, s_prev: np.ndarray) -> tuple[int, ...]:
-        """One decision.
-
-        Parameters
-        ----------
-        measurement : np.ndarray
-            Words in the order of ``formats.MEASUREMENTS``, shape (13,).
-        s_prev : np.ndarray
-            s(k-1), positions 0 to 7, shape (3,).
-
-        Returns
-        -------
-        tuple[int, ...]
-            Fields in the order of ``FIELDS``.
-
-        Raises
-        ------
-        SimTimeoutError
-            If no answer comes within ``PATIENCE_CLOCKS``.
-        """
+        """One decision."""
         self.level ^= 1
         if self.registers.ndim == 2:
             self.dut.parameters.value = pack_parameters(self.registers[self.decided])
@@ -238,13 +169,7 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
 
 @cocotb.test()
 async def run_job(dut) -> None:
-    """Do what the job file says.
-
-    Parameters
-    ----------
-    dut : cocotb handle
-        The bench ``mpdcc_core_bench``.
-    """
+    """Do what the job file says."""
     job = load_job(Path(os.environ["DIRECTMPC_JOB"]))
     bench = Bench(dut, job.registers)
     await bench.reset()

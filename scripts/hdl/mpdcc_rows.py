@@ -66,33 +66,11 @@ class Rows:
         return len(self.measurements)
 
     def pick(self, selection: IntArray | slice) -> Rows:
-        """Some of the rows.
-
-        Parameters
-        ----------
-        selection : IntArray | slice
-            Indices of rows, or a range of them.
-
-        Returns
-        -------
-        Rows
-            Those rows.
-        """
+        """Some of the rows."""
         return Rows(self.measurements[selection], self.s_prev[selection], self.registers[selection])
 
     def model(self, variant: str) -> IntArray:
-        """Decisions of a variant's model: s_a, s_b, s_c, held, deadlock, length, saturated.
-
-        Parameters
-        ----------
-        variant : str
-            "fast" or "paper".
-
-        Returns
-        -------
-        IntArray
-            Shape (n, 7).
-        """
+        """Decisions of a variant's model: s_a, s_b, s_c, held, deadlock, length, saturated."""
         return np.array(
             [
                 DECIDE[variant](r, m, s)
@@ -103,18 +81,7 @@ class Rows:
 
 
 def join(parts: list[Rows]) -> Rows:
-    """Several sets of rows as one.
-
-    Parameters
-    ----------
-    parts : list[Rows]
-        Sets of rows.
-
-    Returns
-    -------
-    Rows
-        All rows, in the order of the sets.
-    """
+    """Several sets of rows as one."""
     return Rows(
         np.concatenate([p.measurements for p in parts]),
         np.concatenate([p.s_prev for p in parts]),
@@ -123,20 +90,7 @@ def join(parts: list[Rows]) -> Rows:
 
 
 def of_trace(trace, array: IntArray) -> Rows:
-    """Rows of a trace under one set of parameters.
-
-    Parameters
-    ----------
-    trace : MpdccTrace
-        n states, per unit.
-    array : IntArray
-        Parameter ports, `Registers.array()`, shape (44,).
-
-    Returns
-    -------
-    Rows
-        n rows.
-    """
+    """Rows of a trace under one set of parameters."""
     n = len(trace)
     return Rows(
         states.trace_words(trace),
@@ -150,22 +104,7 @@ POINTS = ((1.0, False), (-0.7, False), (0.4, True), (-1.0, True))
 
 
 def recorded_rows(per_point: int, rng: np.random.Generator, variant: str) -> Rows:
-    """Rows of closed loops of both drives, most of them searches, deadlocks first.
-
-    Parameters
-    ----------
-    per_point : int
-        Most rows of an operating point: half searches, a quarter deadlocks, a quarter held.
-    rng : np.random.Generator
-        Chooses among the rows.
-    variant : str
-        "fast" or "paper".
-
-    Returns
-    -------
-    Rows
-        The rows of all points.
-    """
+    """Rows of closed loops of both drives, most of them searches, deadlocks first."""
     parts = []
     for name in states.SHIPPED:
         drive = states.shipped(name)
@@ -182,22 +121,7 @@ def recorded_rows(per_point: int, rng: np.random.Generator, variant: str) -> Row
 
 
 def random_rows(n: int, rng: np.random.Generator, variant: str) -> Rows:
-    """Disturbed states of random drives, full ranges, saturating inputs, words of any content.
-
-    Parameters
-    ----------
-    n : int
-        How many rows.
-    rng : np.random.Generator
-        Source of the rows.
-    variant : str
-        "fast" or "paper": what bounds may be.
-
-    Returns
-    -------
-    Rows
-        n rows.
-    """
+    """Disturbed states of random drives, full ranges, saturating inputs, words of any content."""
     parts = []
     for k in range(n):
         kind = k % 5
@@ -222,22 +146,7 @@ def random_rows(n: int, rng: np.random.Generator, variant: str) -> Rows:
 
 
 def saturating_rows(n: int, rng: np.random.Generator, variant: str) -> Rows:
-    """Rows whose product of rotor flux and speed is the one that does not fit its word.
-
-    Parameters
-    ----------
-    n : int
-        How many rows.
-    rng : np.random.Generator
-        Source of the rows.
-    variant : str
-        "fast" or "paper".
-
-    Returns
-    -------
-    Rows
-        n rows; rotor flux and speed stand one below the lowest of the current's word.
-    """
+    """Rows whose product of rotor flux and speed is the one that does not fit its word."""
     rows = random_rows(n, rng, variant)
     names = list(f.MEASUREMENTS)
     for name in ("psir_alpha", "psir_beta", "omega_r"):
@@ -249,20 +158,6 @@ def whole_horizon_rows(n: int, rng: np.random.Generator, variant: str) -> Rows:
     """Searches whose choice stays inside its bounds for the whole horizon, of one to three steps.
 
     Recorded and random rows have hardly one: most of their choices violate a bound before step 63.
-
-    Parameters
-    ----------
-    n : int
-        How many rows are wanted.
-    rng : np.random.Generator
-        Source of the rows.
-    variant : str
-        "fast" or "paper".
-
-    Returns
-    -------
-    Rows
-        At most n rows; fewer if 10*n drives do not have as many.
     """
     parts: list[Rows] = []
     found = 0
@@ -284,16 +179,6 @@ def slow_rows(variant: str) -> Rows:
     """The slowest decisions known.
 
     The fast explorers' time depends on the number of next positions alone: four in each phase.
-
-    Parameters
-    ----------
-    variant : str
-        "fast" or "paper".
-
-    Returns
-    -------
-    Rows
-        One row for "paper", two for "fast": all candidates alive, all dead.
     """
     if variant == "paper":
         return Rows(*(np.array(column, dtype=np.int64) for column in zip(*SLOW, strict=True)))
@@ -346,48 +231,7 @@ def simulate(
     inward: bool | None = None,
     aborts: IntArray | None = None,
 ) -> Answers:
-    """Decisions of the RTL on independent rows.
-
-    Parameters
-    ----------
-    rows : Rows
-        n rows.
-    explorers : int
-        Explorers of the core.
-    variant : str
-        "fast" or "paper".
-    throttle : int
-        Most idle clocks between two decisions, drawn at random; none if 0.
-    rtl : Path
-        Folder of the design.
-    bound : int | None
-        Most clocks of a decision that the bench accepts; the budget if None.
-    second : bool | None
-        Whether the second level is built in; if None, where the rows need it.
-    weighted : bool | None
-        Whether the weighted deadlock rule is built in; if None, where the rows need it.
-    inward : bool | None
-        Whether the rule inwards is built in; if None, where the rows need it.
-    aborts : IntArray | None
-        A row for each decision that a reset ends before one is made, see ``cosimulation_reset``;
-        none if None.
-
-    Returns
-    -------
-    Answers
-        What the RTL answered.
-
-    Raises
-    ------
-    BuildError
-        If the design does not compile.
-    CheckError
-        If a check of the bench fails, a decision beyond the bound for instance.
-    BenchError
-        If the simulation ends otherwise.
-    BudgetError
-        If there is no budget for that many explorers.
-    """
+    """Decisions of the RTL on independent rows."""
     bound = bound or worst_clocks(explorers, variant)
     second = second_level(rows.registers) if second is None else second
     weighted = weighted_deadlock(rows.registers) if weighted is None else weighted
@@ -431,30 +275,6 @@ def in_closed_loop(
     """A model's closed loop once more with two explorers of the RTL deciding; what it answered.
 
     Every decision and every state has to be the model's.
-
-    Parameters
-    ----------
-    drive : Drive
-        Plant and controller.
-    array : IntArray
-        The drive's parameters of that variant, as the model had them, shape (44,).
-    variant : str
-        "fast" or "paper".
-    expected : ClosedLoopResult
-        The model's loop, its controller without delay.
-
-    Returns
-    -------
-    dict[str, np.ndarray]
-        ``decisions`` (n, 9) in the order of ``FIELDS`` and ``states`` (n + 1, 8) of the plant, per
-        unit.
-
-    Raises
-    ------
-    AssertionError
-        If the two loops differ.
-    SimulationError
-        If the simulation fails.
     """
     profile = expected.profile
     loop = Loop(

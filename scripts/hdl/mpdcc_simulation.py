@@ -69,13 +69,7 @@ class Loop:
     flux_observer: bool = False
 
     def plant(self) -> Plant:
-        """The plant in its first state.
-
-        Returns
-        -------
-        Plant
-            At the speed and dc-link voltage of the first step.
-        """
+        """The plant in its first state."""
         real = self.plant_drive or self.drive
         return Plant(real, float(self.omega_r[0]), float(self.vdc[0]), self.state)
 
@@ -92,13 +86,7 @@ class Job(simulator.Job):
 
     @property
     def steps(self) -> int:
-        """Decisions to make.
-
-        Returns
-        -------
-        int
-            Steps of the loop, or rows.
-        """
+        """Decisions to make."""
         return len(self.loop.omega_s) if self.loop is not None else len(self.measurements)
 
 
@@ -108,30 +96,7 @@ def simulate(
     variant: str,
     progress: Callable[[int], None] | None = None,
 ) -> Answer:
-    """Run a job on the RTL.
-
-    Parameters
-    ----------
-    job : Job
-        Rows, or a plant.
-    explorers : int
-        1 to 8.
-    variant : str
-        "fast" or "paper".
-    progress : callable, optional
-        Called now and then with the number of decisions made.
-
-    Returns
-    -------
-    dict
-        ``decisions`` (n, 9) in the order of ``variants.FIELDS``; for a closed loop ``states``
-        (n + 1, 8).
-
-    Raises
-    ------
-    SimulationError
-        If the simulator is missing or fails, or stops before the last row.
-    """
+    """Run a job on the RTL."""
     options = (
         second_level(job.registers),
         weighted_deadlock(job.registers),
@@ -150,31 +115,7 @@ def simulate(
 def generics(
     explorers: int, variant: str, second: bool, weighted: bool = False, inward: bool = False
 ) -> dict[str, int | str]:
-    """Generics of the bench around a core.
-
-    Parameters
-    ----------
-    explorers : int
-        Explorers of the core.
-    variant : str
-        "fast" or "paper".
-    second : bool
-        Whether SESE and delay compensation are built in.
-    weighted : bool
-        Whether the weighted deadlock rule is built in.
-    inward : bool
-        Whether the rule inwards is built in.
-
-    Returns
-    -------
-    dict[str, int | str]
-        Generic -> value as GHDL's command line takes it; bounds in clocks.
-
-    Raises
-    ------
-    BudgetError
-        If there is no budget for that many explorers.
-    """
+    """Generics of the bench around a core."""
     return {
         "EXPLORERS": explorers,
         "FOLDED": str(variant == "paper").lower(),
@@ -196,35 +137,7 @@ def simulate_rows(
     progress: Callable[[int], None] | None = None,
     processes: int | None = None,
 ) -> IntArray:
-    """Let the RTL decide on independent rows.
-
-    Parameters
-    ----------
-    measurements : ndarray of int64, shape (n, 13)
-        In the order of ``formats.MEASUREMENTS``.
-    s_prev : ndarray of int64, shape (n, 3)
-        s(k-1), positions 0 to 7.
-    values : IntArray
-        `Registers.array()`, shape (44,).
-    explorers : int
-        Explorers of the core.
-    variant : str
-        "fast" or "paper".
-    progress : Callable[[int], None] | None
-        Called now and then with the number of decisions made.
-    processes : int | None
-        Simulators to split the rows over, see `simulator.in_parallel`.
-
-    Returns
-    -------
-    ndarray of int64, shape (n, 9)
-        In the order of ``variants.FIELDS``.
-
-    Raises
-    ------
-    SimulationError
-        If a simulator is missing or fails.
-    """
+    """Let the RTL decide on independent rows."""
 
     def _run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
         job = Job(values, measurements[rows], s_prev[rows])

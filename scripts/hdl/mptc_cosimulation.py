@@ -28,18 +28,7 @@ _PATIENCE_CLOCKS = 1_000  # several times the slowest decision: then the core ha
 
 
 def pack_sequence(applied: np.ndarray) -> int:
-    """A sequence as the bench takes it.
-
-    Parameters
-    ----------
-    applied : np.ndarray
-        u1, u2, u3, t1, t2, shape (5,).
-
-    Returns
-    -------
-    int
-        Three bits a vector, the first lowest, then 13 bits a time.
-    """
+    """A sequence as the bench takes it."""
     value = 0
     for index, number in enumerate(applied[:3]):
         value |= int(number) << 3 * index
@@ -49,20 +38,7 @@ def pack_sequence(applied: np.ndarray) -> int:
 
 
 def pack_row(measurement: np.ndarray, u: int) -> int:
-    """One row of inputs as the bench takes it.
-
-    Parameters
-    ----------
-    measurement : np.ndarray
-        Words in the order of ``formats.MEASUREMENTS``, shape (8,).
-    u : int
-        Number of the vector being applied, 0 to 7.
-
-    Returns
-    -------
-    int
-        16 bits a measurement, 15 for the last, the first lowest, then the vector.
-    """
+    """One row of inputs as the bench takes it."""
     value = 0
     for index, word in enumerate(measurement):
         value |= (int(word) & 0xFFFF) << (MEASUREMENT_WIDTH * index)
@@ -79,18 +55,7 @@ def _pack_parameters(registers: np.ndarray) -> int:
 
 
 def unpack_sequence(value: int) -> tuple[int, ...]:
-    """A sequence as the bench answers it.
-
-    Parameters
-    ----------
-    value : int
-        As of `pack_sequence`.
-
-    Returns
-    -------
-    tuple[int, ...]
-        u1, u2, u3, t1, t2.
-    """
+    """A sequence as the bench answers it."""
     vectors = (value >> 3 * index & 7 for index in range(3))
     mask = (1 << TIME_PORT_WIDTH) - 1
     times = (value >> 9 + TIME_PORT_WIDTH * index & mask for index in range(2))
@@ -98,13 +63,7 @@ def unpack_sequence(value: int) -> tuple[int, ...]:
 
 
 class Bench:
-    """Drives the bench's ports.
-
-    Parameters
-    ----------
-    dut : cocotb handle
-        The bench ``mptc_core_bench``.
-    """
+    """Drives the bench's ports."""
 
     def __init__(self, dut) -> None:
         self.dut = dut
@@ -113,13 +72,7 @@ class Bench:
         self.sequence: tuple[int, ...] = ()
 
     async def reset(self, registers: np.ndarray) -> None:
-        """Reset and load the parameters.
-
-        Parameters
-        ----------
-        registers : np.ndarray
-            Coefficients, then the method.
-        """
+        """Reset and load the parameters."""
         self.dut.request.value = 0
         self.dut.row.value = 0
         self.load(registers)
@@ -129,13 +82,7 @@ class Bench:
         await Timer(2 * CLOCK_NS, "ns")
 
     def load(self, registers: np.ndarray) -> None:
-        """Write the parameters.
-
-        Parameters
-        ----------
-        registers : np.ndarray
-            Coefficients, then the method.
-        """
+        """Write the parameters."""
         self.parameters = _pack_parameters(registers)
         self.dut.parameters.value = self.parameters
 
@@ -147,31 +94,7 @@ class Bench:
         family_method: int = 0,
         duty_rule: int = 0,
     ) -> tuple[int, ...]:
-        """One decision in the order of ``FIELDS``.
-
-        Parameters
-        ----------
-        measurement : np.ndarray
-            Words in the order of ``formats.MEASUREMENTS``, shape (8,).
-        u : int
-            Number of the vector being applied, 0 to 7.
-        applied : np.ndarray, optional
-            u1, u2, u3, t1, t2; `u` for the whole period without.
-        family_method : int
-            Method of several vectors, 0 without.
-        duty_rule : int
-            Of MPTC1 and MPTC2: 0 torque deadbeat, 1 mean torque, 2 best.
-
-        Returns
-        -------
-        tuple[int, ...]
-            Vector, clock cycles, two flags and switchings; `sequence` is what comes beside them.
-
-        Raises
-        ------
-        SimTimeoutError
-            If no answer comes.
-        """
+        """One decision in the order of ``FIELDS``."""
         self.level ^= 1
         sequence = np.array([u, u, u, TIME_STEPS, 0]) if applied is None else applied
         self.dut.row.value = pack_row(measurement, u) | pack_sequence(sequence) << _SEQUENCE_AT
@@ -264,13 +187,7 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
 
 @cocotb.test()
 async def run_job(dut) -> None:
-    """Do what the job file says.
-
-    Parameters
-    ----------
-    dut : cocotb handle
-        The bench ``mptc_core_bench``.
-    """
+    """Do what the job file says."""
     job = load_job(Path(os.environ["DIRECTMPC_JOB"]))
     bench = Bench(dut)
     await bench.reset(job.registers)

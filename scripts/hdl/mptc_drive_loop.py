@@ -31,18 +31,7 @@ MEASURED = ("is_alpha", "is_beta", "omega_r", "v_dc", "torque_ref", "psi_ref")
 
 
 def held_inputs(words: joined.Parameters) -> dict[str, int]:
-    """Parameter ports of ``mptc_drive``: name -> value.
-
-    Parameters
-    ----------
-    words : joined.Parameters
-        Parameters of core and observer, limit and level of the pre-excitation.
-
-    Returns
-    -------
-    dict[str, int]
-        Signed integers; ``restart`` is 0.
-    """
+    """Parameter ports of ``mptc_drive``: name -> value."""
     return {
         **{f"c_{n}": int(v) for n, v in zip(COEFFICIENTS, words.core, strict=False)},
         **{f"c_{n}": int(v) for n, v in zip(observer.COEFFICIENTS, words.observer, strict=True)},
@@ -55,35 +44,14 @@ def held_inputs(words: joined.Parameters) -> dict[str, int]:
 
 
 def ports() -> netlist_check.Ports:
-    """Ports of the netlist, those that stand still marked.
-
-    Returns
-    -------
-    netlist_check.Ports
-        Widths in bits by name.
-
-    Raises
-    ------
-    ToolError
-        If GHDL or Yosys is missing or fails.
-    """
+    """Ports of the netlist, those that stand still marked."""
     found = netlist_check.ports_of(netlist.cached(ENTITY, GENERICS), ENTITY)
     held = tuple(name for name in found.inputs if name.startswith("c_") or name in HELD)
     return netlist_check.Ports(found.inputs, found.outputs, held)
 
 
 class RtlController:
-    """``mptc_drive`` as a controller (`directmpc.Controller`), checked in every period.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Supplies the formats and the dc-link voltage.
-    words : joined.Parameters
-        Parameter ports of the RTL.
-    rtl : netlist_check.Simulator
-        Simulator of its netlist, after a reset.
-    """
+    """``mptc_drive`` as a controller (`directmpc.Controller`), checked in every period."""
 
     def __init__(self, drive: MptcDrive, words: joined.Parameters, rtl: Any) -> None:
         self._formats = bit_true.parameters(drive)[1:]
@@ -94,24 +62,7 @@ class RtlController:
         self._clocks = cycles.DRIVE["MPFC" if words.core[-1] else "MPTC"]
 
     def decide(self, state: MptcState) -> MptcDecision:
-        """Run one period of the RTL.
-
-        Parameters
-        ----------
-        state : MptcState
-            Its flux and its vector are not looked at: the RTL has an observer and the last
-            decision.
-
-        Returns
-        -------
-        MptcDecision
-            `saturated` also says whether a measurement lay outside its word.
-
-        Raises
-        ------
-        SimulationError
-            If the RTL differs from its twin in anything.
-        """
+        """Run one period of the RTL."""
         seen, clipped = bit_true.encode_row(
             *self._formats, state.current, 0j, state.omega_r, self._vdc, state.torque_ref,
             state.psi_ref,
@@ -131,25 +82,7 @@ class RtlController:
 
 @contextmanager
 def controller(drive: MptcDrive, words: joined.Parameters) -> Iterator[RtlController]:
-    """Yield the RTL, fresh from a reset, as a controller.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Supplies the formats and the dc-link voltage.
-    words : joined.Parameters
-        Parameter ports of the RTL.
-
-    Yields
-    ------
-    RtlController
-        Until the simulator ends with the context.
-
-    Raises
-    ------
-    ToolError
-        If a tool is missing or fails.
-    """
+    """Yield the RTL, fresh from a reset, as a controller."""
     with netlist_check.simulator(ENTITY, GENERICS, ports=ports()) as rtl:
         yield RtlController(drive, words, rtl)
 
@@ -157,27 +90,7 @@ def controller(drive: MptcDrive, words: joined.Parameters) -> Iterator[RtlContro
 def tour(
     drive: MptcDrive, psi_ref: float, load: float, inertia: float, legs: tuple[int, int, int, int]
 ) -> tuple[Scenario, joined.Parameters]:
-    """Magnetise and start to 1500 r/min, load step, and reversal to -1500 r/min, in one scenario.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Supplies formats and parameters.
-    psi_ref : float
-        Wb.
-    load : float
-        Of the step, N*m.
-    inertia : float
-        kg*m^2; the speed PI's proportional gain follows it.
-    legs : tuple of int
-        Periods: from zero to the load step, under load, without it at 1500 r/min, from the
-        reversal on.
-
-    Returns
-    -------
-    tuple of Scenario and Parameters
-        What is asked of the loop, and the parameter ports of the RTL.
-    """
+    """Magnetise, start to 1500 r/min, load step and reversal to -1500 r/min in one scenario."""
     begin, loaded, free = legs[:3]
     n = sum(legs)
     speed = np.full(n, 1500.0 * RPM)

@@ -22,31 +22,7 @@ def decide(
     engine: str,
     progress: Callable[[int], None] | None = None,
 ) -> MptcDecisions:
-    """Decisions of one engine on every row of a trace.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Drive the controller is set up for.
-    trace : MptcTrace
-        n independent rows.
-    engine : str
-        "rtl", "model" or "ideal".
-    progress : callable, optional
-        Called now and then with the number of decisions made; RTL only.
-
-    Returns
-    -------
-    MptcDecisions
-        One decision for each row.
-
-    Raises
-    ------
-    ValueError
-        If the drive's registers cannot be represented; the message names the key.
-    SimulationError
-        If the simulation fails.
-    """
+    """Decisions of one engine on every row of a trace."""
     if engine == "ideal":
         run = ideal_sequences.run if drive.control.sequences else ideal.run
         return run(drive, trace)

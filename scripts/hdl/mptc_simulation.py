@@ -108,43 +108,14 @@ class Job(simulator.Job):
 
     @property
     def steps(self) -> int:
-        """Decisions to make.
-
-        Returns
-        -------
-        int
-            Steps of the loop, or rows.
-        """
+        """Decisions to make."""
         return len(self.loop.torque_ref) if self.loop is not None else len(self.measurements)
 
 
 def simulate(
     job: Job, progress: Callable[[int], None] | None = None, rtl: Path | None = None
 ) -> Answer:
-    """Run a job on the RTL.
-
-    Parameters
-    ----------
-    job : Job
-        Rows, or a plant.
-    progress : callable, optional
-        Called now and then with the number of decisions made.
-    rtl : Path, optional
-        Folder of the design, the project's if not given.
-
-    Returns
-    -------
-    dict
-        ``decisions`` (n, 5) in the order of ``FIELDS``; ``sequences`` (n, 5): u1, u2, u3, t1, t2;
-        both end with the first row that is not as the job wants it; for a closed loop ``seen``
-        (n, 8): what the controller saw, and ``u`` last, before quantisation; ``current`` (n, 2):
-        the plant's, A.
-
-    Raises
-    ------
-    SimulationError
-        If the simulator is missing or fails, or stops before the last row.
-    """
+    """Run a job on the RTL."""
     bench = simulator.Bench(
         ("mptc_core", "mptc_family_core"),
         str(BENCH),

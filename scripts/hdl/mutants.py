@@ -95,28 +95,11 @@ class Mutant:
 
     @property
     def name(self) -> tuple[str, str, int]:
-        """What tells it from all others of its file.
-
-        Returns
-        -------
-        tuple of str, str and int
-            `before`, `after` and `place`.
-        """
+        """What tells it from all others of its file."""
         return self.before, self.after, self.place
 
     def applied(self, source: str) -> str:
-        """The file with the change.
-
-        Parameters
-        ----------
-        source : str
-            Text of the file that the mutant was made of.
-
-        Returns
-        -------
-        str
-            Its text with the change.
-        """
+        """The file with the change."""
         return source[: self.start] + self.new + source[self.end :]
 
 
@@ -165,18 +148,7 @@ def _tokens(source: str) -> Iterator[_Token]:
 
 
 def code(source: str) -> str:
-    """What a file says, without comments and blanks.
-
-    Parameters
-    ----------
-    source : str
-        VHDL.
-
-    Returns
-    -------
-    str
-        Its tokens, one a line.
-    """
+    """What a file says, without comments and blanks."""
     return "\n".join(token.text for token in _tokens(source))
 
 
@@ -496,18 +468,7 @@ def _plain(text: str) -> str:
 
 
 def mutants(source: str) -> list[Mutant]:
-    """All mutants of a file.
-
-    Parameters
-    ----------
-    source : str
-        VHDL that compiles.
-
-    Returns
-    -------
-    list[Mutant]
-        In the order of the file; no two of them give the same text.
-    """
+    """All mutants of a file."""
     found: dict[tuple[int, int, str], _Change] = {}
     for clause in _clauses(list(_tokens(source))):
         for change in _changes(clause):
@@ -527,20 +488,7 @@ def mutants(source: str) -> list[Mutant]:
 
 
 def shuffled(everything: Sequence[Mutant], seed: int) -> list[Mutant]:
-    """All mutants in an order of chance, with the kinds in turn.
-
-    Parameters
-    ----------
-    everything : Sequence[Mutant]
-        As `mutants` gives them.
-    seed : int
-        Of the order.
-
-    Returns
-    -------
-    list[Mutant]
-        The same ones; a sample is what stands first.
-    """
+    """All mutants in an order of chance, with the kinds in turn."""
     rng = random.Random(seed)
     groups = [[one for one in everything if one.kind == kind] for kind in KINDS]
     for group in groups:

@@ -29,25 +29,7 @@ DESIGNS: dict[str, tuple[str, Generics]] = {
 
 
 def write(designs: Collection[str] = tuple(DESIGNS)) -> list[Path]:
-    """Convert designs whose sources have changed.
-
-    Parameters
-    ----------
-    designs : Collection[str]
-        Names of `DESIGNS`.
-
-    Returns
-    -------
-    list[Path]
-        The files.
-
-    Raises
-    ------
-    NetlistError
-        If a netlist cannot be trusted.
-    ToolError
-        If GHDL or Yosys is missing or fails.
-    """
+    """Convert designs whose sources have changed."""
     VERILOG.mkdir(exist_ok=True)
     written = []
     for design in designs:

@@ -51,18 +51,7 @@ class Ports:
     hold: tuple[str, ...] = ()  # inputs that keep their value until the next start
 
     def words(self, side: str) -> int:
-        """32-bit words one transaction takes on one side.
-
-        Parameters
-        ----------
-        side : str
-            "inputs" or "outputs".
-
-        Returns
-        -------
-        int
-            Number of words; a port of 33 bits takes two.
-        """
+        """32-bit words one transaction takes on one side."""
         return sum((w + 31) // 32 for w in getattr(self, side).values())
 
 
@@ -79,38 +68,12 @@ class Result:
 
     @property
     def clocks_per_second(self) -> float:
-        """Speed of the simulation proper.
-
-        Returns
-        -------
-        float
-            Clocks a second; 0 if no time was taken.
-        """
+        """Speed of the simulation proper."""
         return self.clocks / self.seconds if self.seconds else 0.0
 
 
 def ports_of(verilog: Path, top: str, besides: Collection[str] = CONTROL) -> Ports:
-    """Data ports of a module as GHDL prints its header.
-
-    Parameters
-    ----------
-    verilog : Path
-        Converted netlist.
-    top : str
-        The module.
-    besides : Collection[str]
-        Ports that are left out: clock, reset, start and valid unless others are given.
-
-    Returns
-    -------
-    Ports
-        Widths in bits.
-
-    Raises
-    ------
-    ToolError
-        If there is no such module in the file.
-    """
+    """Data ports of a module as GHDL prints its header."""
     text = verilog.read_text(encoding="utf-8")
     header = re.search(rf"^module {top.lower()}\n(.*?);\n", text, re.M | re.S)
     if header is None:
@@ -247,29 +210,7 @@ int main(int argc, char **argv) {{
 
 
 def key(top: str, verilog: Path, ports: Ports) -> str:
-    """Sixteen digits that change with all that decides what a netlist's simulation does.
-
-    Parameters
-    ----------
-    top : str
-        The module.
-    verilog : Path
-        Converted netlist.
-    ports : Ports
-        Its data ports, and those that are held.
-
-    Returns
-    -------
-    str
-        Of the netlist without comments, the harness and Verilator, hexadecimal.
-
-    Raises
-    ------
-    ToolError
-        If Verilator is missing.
-    OSError
-        If the netlist cannot be read.
-    """
+    """Sixteen digits that change with all that decides what a netlist's simulation does."""
     text = netlist.meaning(verilog.read_text(encoding="utf-8"))
     return tools.digest(text, _harness(top, ports), tools.version("verilator"), *OPTIONS)[:16]
 
@@ -282,33 +223,7 @@ def build(
     verilog: Path | None = None,
     std: str | None = None,
 ) -> tuple[Path, Ports]:
-    """Compile the simulation of a configuration, or find it compiled.
-
-    Parameters
-    ----------
-    top : str
-        Entity.
-    generics : Generics | None
-        Those that are not at their defaults.
-    ports : Ports | None
-        Data ports; those of the netlist if None.
-    verilog : Path | None
-        The netlist; the converted one if None.
-    std : str | None
-        Version of VHDL for the conversion, "93" or "08"; the oldest that serves if None.
-
-    Returns
-    -------
-    tuple of Path and Ports
-        The program, and the data ports it takes.
-
-    Raises
-    ------
-    ToolError
-        If a tool is missing or fails.
-    subprocess.TimeoutExpired
-        If Verilator takes longer than 15 minutes.
-    """
+    """Compile the simulation of a configuration, or find it compiled."""
     source = verilog or netlist.cached(top, generics, std=std)
     ports = ports or ports_of(source, top)
     harness = _harness(top, ports)
@@ -383,41 +298,7 @@ def simulate(
     std: str | None = None,
     folder: Path | None = None,
 ) -> Result:
-    """Run transactions.
-
-    Parameters
-    ----------
-    top : str
-        Entity.
-    generics : Generics | None
-        Those that are not at their defaults.
-    inputs : Mapping[str, Sequence[int]]
-        Name -> values, one for each transaction; signed or unsigned.
-    ports : Ports | None
-        Data ports; those of the netlist if None.
-    verilog : Path | None
-        The netlist; the converted one if None.
-    seed : int
-        Of what registers without reset hold at first, and inputs between transactions.
-    limit : int
-        Most clocks of a transaction.
-    gap : int
-        Most idle clocks between two transactions, drawn at random.
-    std : str | None
-        Version of VHDL for the conversion, "93" or "08"; the oldest that serves if None.
-    folder : Path | None
-        Where the simulation runs, for a netlist that writes files; the present folder if None.
-
-    Returns
-    -------
-    Result
-        Outputs as unsigned integers of their ports' widths, and clock cycles; nothing is compared.
-
-    Raises
-    ------
-    ToolError
-        If an input has no values, a transaction takes too long, or a tool fails.
-    """
+    """Run transactions."""
     program, ports = build(top, generics, ports, verilog=verilog, std=std)
     if not ports.inputs:
         raise ToolError(f"{top} has no data inputs")
@@ -448,34 +329,7 @@ def check(
     cycles: Sequence[int | None] | None = None,
     **options: object,
 ) -> Result:
-    """Compare outputs (signed or unsigned) and cycle counts; outputs not expected are free.
-
-    Parameters
-    ----------
-    top : str
-        Entity.
-    generics : Generics | None
-        Those that are not at their defaults.
-    inputs : Mapping[str, Sequence[int]]
-        Name -> values, one for each transaction.
-    expected : Mapping[str, Sequence[int]]
-        Name -> values, one for each transaction.
-    cycles : Sequence[int | None] | None
-        Clock cycles of each transaction, None where any number will do; none are compared if None.
-    **options : object
-        As of `simulate`.
-
-    Returns
-    -------
-    Result
-        With a line for each difference.
-
-    Raises
-    ------
-    ToolError
-        If there is nothing to compare, a name or a number of values is wrong, or the simulation
-        fails.
-    """
+    """Compare outputs (signed or unsigned) and cycle counts; outputs not expected are free."""
     result = simulate(top, generics, inputs, **options)
     _, ports = build(
         top,
@@ -506,19 +360,7 @@ def check(
 
 
 class Simulator:
-    """A core that answers one transaction at a time, for loops closed in Python.
-
-    Parameters
-    ----------
-    program : Path
-        Compiled simulation, see `build`.
-    ports : Ports
-        Data ports it was built with.
-    seed : int
-        Of what registers without reset hold at first, and inputs between transactions.
-    limit : int
-        Most clocks of a transaction.
-    """
+    """A core that answers one transaction at a time, for loops closed in Python."""
 
     def __init__(self, program: Path, ports: Ports, seed: int = 1, limit: int = 100_000) -> None:
         self.ports = ports
@@ -528,23 +370,7 @@ class Simulator:
         self._size = 4 * (2 + ports.words("outputs"))
 
     def step(self, inputs: Mapping[str, int]) -> tuple[dict[str, int], int]:
-        """Outputs (unsigned) and cycles of one transaction.
-
-        Parameters
-        ----------
-        inputs : Mapping[str, int]
-            Name -> value, signed or unsigned.
-
-        Returns
-        -------
-        tuple of dict and int
-            Output -> unsigned value, and clock cycles.
-
-        Raises
-        ------
-        ToolError
-            If an input has no value, or the simulation has ended.
-        """
+        """Outputs (unsigned) and cycles of one transaction."""
         row = _pack({name: [value] for name, value in inputs.items()}, self.ports.inputs)
         stdin: IO[bytes] = self._process.stdin
         stdout: IO[bytes] = self._process.stdout
@@ -570,29 +396,7 @@ class Simulator:
 def simulator(
     top: str, generics: Generics | None = None, *, seed: int = 1, **options: object
 ) -> Iterator[Simulator]:
-    """A running simulation of a configuration, ended with the block.
-
-    Parameters
-    ----------
-    top : str
-        Entity.
-    generics : Generics | None
-        Those that are not at their defaults.
-    seed : int
-        Of what registers without reset hold at first, and inputs between transactions.
-    **options : object
-        As of `build`.
-
-    Yields
-    ------
-    Simulator
-        The simulation.
-
-    Raises
-    ------
-    ToolError
-        If a tool is missing or fails.
-    """
+    """A running simulation of a configuration, ended with the block."""
     program, ports = build(top, generics, **options)
     running = Simulator(program, ports, seed)
     try:
@@ -604,31 +408,7 @@ def simulator(
 def check_file(
     top: str, generics: Generics, vectors: Path, ports_file: Path | None = None, seed: int = 1
 ) -> Result:
-    """Check a core against a file of transactions.
-
-    Parameters
-    ----------
-    top : str
-        Entity.
-    generics : Generics
-        Those that are not at their defaults.
-    vectors : Path
-        Lines {"inputs": {name: value}, "outputs": {name: value}, "cycles": number}.
-    ports_file : Path | None
-        JSON {"inputs": {name: width}, "outputs": {name: width}, "hold": [names]}.
-    seed : int
-        Of what inputs are between transactions.
-
-    Returns
-    -------
-    Result
-        With a line for each difference.
-
-    Raises
-    ------
-    ToolError
-        If a file cannot be used, or the simulator fails.
-    """
+    """Check a core against a file of transactions."""
     try:
         ports = None
         if ports_file:

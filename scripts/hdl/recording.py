@@ -71,27 +71,7 @@ def _literal(value: int, name: str, kind: str) -> str:
 
 
 def bench(text: str, entity: str, clocks: Sequence[Mapping[str, int]]) -> str:
-    """VHDL of the bench.
-
-    Parameters
-    ----------
-    text : str
-        Of the entity's file; its ports are `std_logic` and `std_logic_vector`.
-    entity : str
-        Its name.
-    clocks : Sequence[Mapping[str, int]]
-        Inputs that change, for each clock; all are 0 at first.
-
-    Returns
-    -------
-    str
-        VHDL.
-
-    Raises
-    ------
-    RecordingError
-        If an input is no port, a port is of another type, or none is a clock.
-    """
+    """VHDL of the bench."""
     context, generic, port = _clauses(text, entity)
     kinds: dict[str, str] = {}
     signals = []
@@ -140,22 +120,7 @@ def bench(text: str, entity: str, clocks: Sequence[Mapping[str, int]]) -> str:
 
 
 def read_vcd(text: str, scope: Sequence[str], clocks: int) -> Recorded:
-    """Values of the signals of one scope in each clock.
-
-    Parameters
-    ----------
-    text : str
-        File of value changes (VCD) that GHDL wrote, in femtoseconds.
-    scope : Sequence[str]
-        Names from the outermost scope to the one that is read; what is inside of others is not.
-    clocks : int
-        How many; the first begins with the first rising edge, half a period after the start.
-
-    Returns
-    -------
-    Recorded
-        Its signals.
-    """
+    """Values of the signals of one scope in each clock."""
     head, _, body = text.partition("$enddefinitions $end")
     names: dict[str, list[str]] = {}
     bits: dict[str, int] = {}
@@ -206,35 +171,7 @@ def record(
     rtl: Path = sources.RTL,
     within: Sequence[str] = (),
 ) -> Recorded:
-    """Run an entity and record its ports.
-
-    Parameters
-    ----------
-    entity : str
-        Of the design.
-    clocks : Sequence[Mapping[str, int]]
-        Inputs that change, for each clock; all are 0 at first.
-    generics : Mapping[str, int | bool] | None
-        Those that are not the default.
-    rtl : Path
-        Folder of the design.
-    within : Sequence[str]
-        Labels of instances and generate statements that lead to the instance whose signals are
-        recorded; without any, the ports of the entity are.
-
-    Returns
-    -------
-    Recorded
-        Its bits and vectors.
-
-    Raises
-    ------
-    RecordingError
-        If an input is no port, a port is neither a bit nor a vector, or there is no instance of
-        these labels.
-    ToolError
-        If there is no GHDL, or it fails.
-    """
+    """Run an entity and record its ports."""
     files = sources.compile_order(entity, sources.rtl_files(rtl))
     path = next(unit.path for unit in sources.scan(files) if entity in unit.entities)
     text = bench(path.read_text(encoding="utf-8"), entity, clocks)

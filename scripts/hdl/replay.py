@@ -72,33 +72,7 @@ def _decide_mpdcc(
     variant: str,
     progress: Callable[[int], None] | None = None,
 ) -> Decisions:
-    """Decisions of one engine on every row of a trace.
-
-    Parameters
-    ----------
-    drive
-        Drive the controller is set up for.
-    rows
-        What it sees.
-    engine
-        One of ``ENGINES``.
-    explorers, variant
-        Configuration of the core; the explorers count for the RTL alone.
-    progress
-        Called now and then with the number of decisions made; RTL only.
-
-    Returns
-    -------
-    Decisions
-        One for each row.
-
-    Raises
-    ------
-    ValueError
-        If the drive's registers cannot be represented, or the variant does not serve its settings.
-    SimulationError
-        If the simulation fails.
-    """
+    """Decisions of one engine on every row of a trace."""
     if engine == "ideal":
         return ideal.run(drive, rows)
     chosen = VARIANTS[variant]
@@ -198,22 +172,7 @@ CONTROLLERS: dict[str, Callable[[Any, Request], None]] = {
 
 
 def replay(request: Request) -> None:
-    """Read a trace, let an engine decide on every row, and write the decisions.
-
-    Parameters
-    ----------
-    request : Request
-        Files, engine and configuration.
-
-    Raises
-    ------
-    ValueError
-        If a file or a value of the drive is wrong; the message names the file and the key or line.
-    SimulationError
-        If the simulation fails.
-    OSError
-        If a file cannot be read or written.
-    """
+    """Read a trace, let an engine decide on every row, and write the decisions."""
     check_output(request.out, request.drive, request.trace)
     drive = load_drive(request.drive)
     CONTROLLERS[drive.controller](drive, request)

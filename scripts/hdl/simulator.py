@@ -69,35 +69,17 @@ class Job:
 
     @property
     def progress_path(self) -> Path:
-        """File with the number of decisions made so far.
-
-        Returns
-        -------
-        Path
-            In the job's folder.
-        """
+        """File with the number of decisions made so far."""
         return self.folder / "progress"
 
     @property
     def result_path(self) -> Path:
-        """File with the answers.
-
-        Returns
-        -------
-        Path
-            In the job's folder.
-        """
+        """File with the answers."""
         return self.folder / "result.npz"
 
     @property
     def waves_path(self) -> Path | None:
-        """File that the simulator writes the signals to.
-
-        Returns
-        -------
-        Path or None
-            In the job's folder; None if they are not asked for.
-        """
+        """File that the simulator writes the signals to."""
         return None if self.waves is None else self.folder / "waves.fst"
 
 
@@ -127,50 +109,20 @@ class Bench:
 
 
 class Progress:
-    """Tells the parent process, from within the simulator, how far a job is.
-
-    Parameters
-    ----------
-    path : Path
-        The job's `progress_path`.
-    every : int
-        Decisions from one message to the next.
-    """
+    """Tells the parent process, from within the simulator, how far a job is."""
 
     def __init__(self, path: Path, every: int) -> None:
         self.path = path
         self.every = every
 
     def __call__(self, done: int) -> None:
-        """Note that so many decisions are made.
-
-        Parameters
-        ----------
-        done : int
-            Decisions made so far.
-        """
+        """Note that so many decisions are made."""
         if done % self.every == 0:
             self.path.write_text(str(done), encoding="ascii")
 
 
 def load_job(path: Path) -> Any:
-    """Read a job that this program has written.
-
-    Parameters
-    ----------
-    path : Path
-        Pickle in the job's folder; nothing else may be read with this.
-
-    Returns
-    -------
-    Job
-        The job.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    """
+    """Read a job that this program has written."""
     with path.open("rb") as stream:
         return pickle.load(stream)
 
@@ -180,28 +132,7 @@ def simulate(
     bench: Bench,
     progress: Callable[[int], None] | None = None,
 ) -> Answer:
-    """Run a job in a process of its own.
-
-    Parameters
-    ----------
-    job : Job
-        What to do.
-    bench : Bench
-        What does it.
-    progress : callable, optional
-        Called many times a second with the number of decisions made; what it raises ends the
-        simulator.
-
-    Returns
-    -------
-    dict
-        What the bench saved.
-
-    Raises
-    ------
-    SimulationError
-        If the simulator is missing or fails, or stops before the last row.
-    """
+    """Run a job in a process of its own."""
     try:
         tools.simulator()
     except tools.ToolError as error:
@@ -310,30 +241,7 @@ def in_parallel(
     progress: Callable[[int], None] | None = None,
     processes: int | None = None,
 ) -> IntArray:
-    """Let several simulators share independent rows.
-
-    Parameters
-    ----------
-    rows : int
-        How many there are.
-    run : callable
-        Takes the numbers of its rows and a progress callback for `simulate`, returns an answer
-        for each of them, (m, columns).
-    progress : callable, optional
-        Called now and then with the number of rows done by all of them.
-    processes : int, optional
-        How many; two for more than ``PARALLEL_ROWS`` if not given.
-
-    Returns
-    -------
-    (rows, columns)
-        In the order of the rows.
-
-    Raises
-    ------
-    SimulationError
-        If one of them fails; the others are ended.
-    """
+    """Let several simulators share independent rows."""
     count = processes or (2 if rows > PARALLEL_ROWS and (os.cpu_count() or 1) > 1 else 1)
     blocks = np.array_split(np.arange(rows), min(count, rows))
     done = [0] * len(blocks)

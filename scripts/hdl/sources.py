@@ -74,112 +74,32 @@ def _scanned(path: Path) -> SourceFile:
 
 
 def scan(files: Iterable[Path]) -> list[SourceFile]:
-    """Scan files in the order of their names, which is also the order in which ties are listed.
-
-    Parameters
-    ----------
-    files : Iterable[Path]
-        VHDL files.
-
-    Returns
-    -------
-    list[SourceFile]
-        Units and references of each.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be read.
-    """
+    """Scan files in the order of their names, which is also the order in which ties are listed."""
     return [_scanned(path) for path in sorted(files)]
 
 
 def rtl_files(rtl: Path = RTL) -> list[Path]:
-    """Every VHDL file of the design.
-
-    Parameters
-    ----------
-    rtl : Path
-        Folder of the design.
-
-    Returns
-    -------
-    list[Path]
-        Sorted.
-    """
+    """Every VHDL file of the design."""
     return sorted([*rtl.rglob("*.vhd"), *rtl.rglob("*.vhdl")])
 
 
 def is_wrapper(path: Path, rtl: Path = RTL) -> bool:
-    """Whether a file of the design stands above the cores and may use VHDL-2008.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    rtl : Path
-        Folder of the design.
-
-    Returns
-    -------
-    bool
-        Whether its room is one of ``WRAPPER_ROOMS``.
-    """
+    """Whether a file of the design stands above the cores and may use VHDL-2008."""
     return rtl in path.parents and path.relative_to(rtl).parts[0] in WRAPPER_ROOMS
 
 
 def standard(files: Iterable[Path]) -> str:
-    """Version of the language that some files need: 93 for the cores, 08 for what wraps them.
-
-    Parameters
-    ----------
-    files : Iterable[Path]
-        VHDL files.
-
-    Returns
-    -------
-    str
-        "93" or "08".
-    """
+    """Version of the language that some files need: 93 for the cores, 08 for what wraps them."""
     return "08" if any(is_wrapper(path) for path in files) else "93"
 
 
 def entities(rtl: Path = RTL) -> dict[str, Path]:
-    """Name and file of every entity of the design.
-
-    Parameters
-    ----------
-    rtl : Path
-        Folder of the design.
-
-    Returns
-    -------
-    dict[str, Path]
-        Name in small letters -> file.
-    """
+    """Name and file of every entity of the design."""
     return {name: unit.path for unit in scan(rtl_files(rtl)) for name in sorted(unit.entities)}
 
 
 def compile_order(top: str, files: Iterable[Path]) -> list[Path]:
-    """Files needed for `top`, each after all it depends on.
-
-    Parameters
-    ----------
-    top : str
-        Entity or package; case does not matter.
-    files : Iterable[Path]
-        What may be needed.
-
-    Returns
-    -------
-    list[Path]
-        The needed ones.
-
-    Raises
-    ------
-    SourcesError
-        If there is no such unit, two files declare one, or files need each other.
-    """
+    """Files needed for `top`, each after all it depends on."""
     units = scan(files)
     declared: dict[str, SourceFile] = {}
     completed: dict[str, list[SourceFile]] = {}
@@ -235,26 +155,7 @@ def compile_order(top: str, files: Iterable[Path]) -> list[Path]:
 
 
 def with_own(top: str, own: Sequence[Path]) -> list[Path]:
-    """A user's files with what they need of the design, in compile order.
-
-    Parameters
-    ----------
-    top : str
-        The user's entity, or one of the design.
-    own : Sequence[Path]
-        The user's files, in any order. All of them are in the list.
-
-    Returns
-    -------
-    list[Path]
-        Each file after all it depends on.
-
-    Raises
-    ------
-    SourcesError
-        If a file cannot be read, no file declares the top, two declare one unit, or files need
-        each other.
-    """
+    """A user's files with what they need of the design, in compile order."""
     for path in own:
         if path.is_dir():
             raise SourcesError(f"{path}: is a folder; name the VHDL files in it")
@@ -280,24 +181,7 @@ def with_own(top: str, own: Sequence[Path]) -> list[Path]:
 
 
 def references(order: Iterable[Path]) -> dict[Path, list[Path]]:
-    """Which of some files each of them refers to.
-
-    Parameters
-    ----------
-    order : Iterable[Path]
-        VHDL files, each after all it depends on.
-
-    Returns
-    -------
-    dict[Path, list[Path]]
-        File -> the files before it that declare what it names or complete it, sorted; in the
-        order given.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be read.
-    """
+    """Which of some files each of them refers to."""
     before: dict[str, set[Path]] = {}
     found = {}
     for path in order:
@@ -309,23 +193,7 @@ def references(order: Iterable[Path]) -> dict[Path, list[Path]]:
 
 
 def order_all(files: Iterable[Path]) -> list[Path]:
-    """Every file, each after all it depends on.
-
-    Parameters
-    ----------
-    files : Iterable[Path]
-        VHDL files.
-
-    Returns
-    -------
-    list[Path]
-        All of them.
-
-    Raises
-    ------
-    SourcesError
-        If two files declare one unit, or files need each other.
-    """
+    """Every file, each after all it depends on."""
     listed = sorted(files)
     order: list[Path] = []
     for unit in scan(listed):

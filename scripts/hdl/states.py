@@ -34,61 +34,19 @@ def shipped(name: str) -> Drive:
     """A drive file that ships, with the papers' rules and the bounds of the studies.
 
     Studies and benches begin from these and set what they are about themselves.
-
-    Parameters
-    ----------
-    name : str
-        File in `drives/` without its suffix.
-
-    Returns
-    -------
-    Drive
-        The drive, but for `Drive.with_papers_rules` and `STUDIED`.
-
-    Raises
-    ------
-    DriveFileError
-        If there is no such file, or it is not right.
     """
     return load_mpdcc_drive(DRIVES / f"{name}.toml").with_papers_rules().with_control(**STUDIED)
 
 
 def studied_text(text: str) -> str:
-    """A drive file's text with the bounds of the studies.
-
-    Parameters
-    ----------
-    text : str
-        Of a drive file, one key a line.
-
-    Returns
-    -------
-    str
-        As it was, but for `STUDIED`.
-    """
+    """A drive file's text with the bounds of the studies."""
     for key, value in STUDIED.items():
         text = re.sub(rf"^{key} = .*$", f"{key} = {value}", text, flags=re.M)
     return text
 
 
 def of_file(path: str | Path) -> Drive:
-    """The drive that a study is asked for.
-
-    Parameters
-    ----------
-    path : str or Path
-        A drive file.
-
-    Returns
-    -------
-    Drive
-        With the papers' rules; as of `shipped` if it is a drive that ships.
-
-    Raises
-    ------
-    DriveFileError
-        If there is no such file, or it is not right.
-    """
+    """The drive that a study is asked for."""
     path = Path(path)
     if path.resolve().parent == DRIVES and path.stem in SHIPPED:
         return shipped(path.stem)
@@ -99,16 +57,6 @@ def random_drive(rng: np.random.Generator) -> Drive:
     """A drive of a machine above about 100 kW, a third of its values at an end of their range.
 
     A drive file allows small machines, with resistances up to 0.2 pu, too.
-
-    Parameters
-    ----------
-    rng : np.random.Generator
-        Source of the values.
-
-    Returns
-    -------
-    Drive
-        An MPDCC drive, per unit.
     """
 
     def _between(low: float, high: float, *, log: bool = False) -> float:
@@ -148,24 +96,7 @@ def random_drive(rng: np.random.Generator) -> Drive:
 
 
 def near(drive: Drive, n: int, rng: np.random.Generator, reach: float = 1.15) -> MpdccTrace:
-    """States around the references: every error within ``reach`` of its bound.
-
-    Parameters
-    ----------
-    drive : Drive
-        Its bounds are the measure.
-    n : int
-        How many states.
-    rng : np.random.Generator
-        Source of the states.
-    reach : float
-        Largest error, in half widths of its bound.
-
-    Returns
-    -------
-    MpdccTrace
-        n states, per unit.
-    """
+    """States around the references: every error within ``reach`` of its bound."""
     bounds = drive.bounds
     angle = rng.uniform(0, 2 * np.pi, n)
     size = rng.uniform(0, 1.5, n)
@@ -192,22 +123,7 @@ def near(drive: Drive, n: int, rng: np.random.Generator, reach: float = 1.15) ->
 
 
 def wide(n: int, rng: np.random.Generator, beyond: float = 1.0) -> MpdccTrace:
-    """States anywhere in the specified ranges, or beyond them so that inputs saturate.
-
-    Parameters
-    ----------
-    n : int
-        How many states.
-    rng : np.random.Generator
-        Source of the states.
-    beyond : float
-        Width in ranges: 1 for the range itself.
-
-    Returns
-    -------
-    MpdccTrace
-        n states, per unit.
-    """
+    """States anywhere in the specified ranges, or beyond them so that inputs saturate."""
 
     def _within(low: float, high: float, *shape: int) -> NDArray[np.float64]:
         middle, half = (low + high) / 2, (high - low) / 2 * beyond
@@ -225,20 +141,7 @@ def wide(n: int, rng: np.random.Generator, beyond: float = 1.0) -> MpdccTrace:
 
 
 def words(n: int, rng: np.random.Generator) -> IntArray:
-    """Measurement words of any content, many of them at a corner of their format.
-
-    Parameters
-    ----------
-    n : int
-        How many rows.
-    rng : np.random.Generator
-        Source of the words.
-
-    Returns
-    -------
-    IntArray
-        Shape (n, 13), in the order of ``formats.MEASUREMENTS``.
-    """
+    """Measurement words of any content, many of them at a corner of their format."""
     columns = []
     for fmt in f.MEASUREMENTS.values():
         low = -(2 ** (fmt.width - 1)) if fmt.signed else 0
@@ -250,20 +153,7 @@ def words(n: int, rng: np.random.Generator) -> IntArray:
 
 
 def any_registers(rng: np.random.Generator, variant: str = "paper") -> IntArray:
-    """Parameter ports of any content a variant allows; the horizon is not zero.
-
-    Parameters
-    ----------
-    rng : np.random.Generator
-        Source of the values.
-    variant : str
-        "fast" or "paper": what bounds may be.
-
-    Returns
-    -------
-    IntArray
-        Shape (44,), as `Registers.array()`.
-    """
+    """Parameter ports of any content a variant allows; the horizon is not zero."""
     high = 2 ** (f.COEFFICIENT_WIDTH - 1)
     # those of successors do not matter to a single level, and draw nothing from its sequence
     later = COEFFICIENTS.index("change_phase")
@@ -288,44 +178,14 @@ def any_registers(rng: np.random.Generator, variant: str = "paper") -> IntArray:
 
 
 def trace_words(trace: MpdccTrace) -> IntArray:
-    """A trace as measurement words.
-
-    Parameters
-    ----------
-    trace : MpdccTrace
-        n states, per unit.
-
-    Returns
-    -------
-    IntArray
-        Shape (n, 13); what leaves its range saturates.
-    """
+    """A trace as measurement words."""
     return common.encode(trace)[0]
 
 
 def recorded(
     drive: Drive, steps: int, speed: float, generating: bool = False, seed: int = 0
 ) -> MpdccTrace:
-    """What the paper's controller saw in a closed loop of its own, whatever the drive asks for.
-
-    Parameters
-    ----------
-    drive : Drive
-        Plant and controller.
-    steps : int
-        Control steps.
-    speed : float
-        Stator frequency, per unit, signed.
-    generating : bool
-        Whether the machine brakes, at 0.7 of the rated current.
-    seed : int
-        Of the start.
-
-    Returns
-    -------
-    MpdccTrace
-        One row for each step, per unit.
-    """
+    """What the paper's controller saw in a closed loop of its own, whatever the drive asks for."""
     plain_settings = drive.with_control(
         switching_horizon="SE", delay_compensation=False, deadlock_rule="largest"
     )

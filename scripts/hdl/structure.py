@@ -77,18 +77,7 @@ class Structure:
     clocks: frozenset[str]
 
     def origins(self, signal: str) -> frozenset[str]:
-        """Who drives a signal, directly or through wiring.
-
-        Parameters
-        ----------
-        signal : str
-            Signal or port.
-
-        Returns
-        -------
-        frozenset[str]
-            Labels of blocks, `INPUTS` among them if a port does.
-        """
+        """Who drives a signal, directly or through wiring."""
         found, seen, todo = set(), set(), [signal]
         while todo:
             name = todo.pop()
@@ -102,14 +91,7 @@ class Structure:
         return frozenset(found)
 
     def connections(self) -> dict[tuple[str, str], frozenset[str]]:
-        """What leads from where to where.
-
-        Returns
-        -------
-        dict[tuple[str, str], frozenset[str]]
-            Two labels, `INPUTS` or `OUTPUTS` -> signals by the name that who reads them knows.
-            Clocks and the reset are left out, and what a block tells itself.
-        """
+        """What leads from where to where."""
         silent = self.clocks | {"rst"}
         found: dict[tuple[str, str], set[str]] = {}
         readers = [(block.label, block.reads) for block in self.blocks]
@@ -121,25 +103,7 @@ class Structure:
 
 
 def interface(text: str, unit: str) -> dict[str, str]:
-    """Direction of every port of an entity, or of a component.
-
-    Parameters
-    ----------
-    text : str
-        VHDL that declares it.
-    unit : str
-        Its name.
-
-    Returns
-    -------
-    dict[str, str]
-        Port -> "in", "out" or "inout", in order.
-
-    Raises
-    ------
-    StructureError
-        If nothing of that name is declared.
-    """
+    """Direction of every port of an entity, or of a component."""
     code = re.sub(r"--[^\n]*", "", text)
     start = re.search(rf"\b(?:entity|component)\s+{re.escape(unit)}\s+is\b", code, re.I)
     if start is None:
@@ -369,28 +333,7 @@ def _associations(tokens: list[str]) -> Iterator[tuple[str, list[str]]]:
 def structure(
     text: str, entity: str, interfaces: Mapping[str, Mapping[str, str]]
 ) -> Structure:  # fmt: skip
-    """Read an architecture.
-
-    Parameters
-    ----------
-    text : str
-        Of the file with the entity and its architecture.
-    entity : str
-        Its name.
-    interfaces : Mapping[str, Mapping[str, str]]
-        Entity -> ports and directions, of all that may be instantiated.
-
-    Returns
-    -------
-    Structure
-        What it is made of.
-
-    Raises
-    ------
-    StructureError
-        If there is no architecture, a statement is of an unknown kind, or an instance names a port
-        that its entity does not have.
-    """
+    """Read an architecture."""
     code = _LITERAL.sub('"0"', re.sub(r"--[^\n]*", "", text))
     start = re.search(rf"\barchitecture\s+\w+\s+of\s+{re.escape(entity)}\s+is\b", code, re.I)
     if start is None:

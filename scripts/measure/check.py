@@ -236,13 +236,7 @@ class Case:
 
     @property
     def passed(self) -> bool:
-        """Whether all is as the baseline says.
-
-        Returns
-        -------
-        bool
-            True without a message.
-        """
+        """Whether all is as the baseline says."""
         return not self.message
 
 
@@ -270,13 +264,7 @@ class Suite:
 
     @property
     def failed(self) -> list[Case]:
-        """Cases that are not as the baseline says.
-
-        Returns
-        -------
-        list[Case]
-            In the order of the file's keys.
-        """
+        """Cases that are not as the baseline says."""
         return [case for case in self.cases if not case.passed]
 
 
@@ -284,35 +272,12 @@ class Suite:
 
 
 def own_baselines() -> list[Path]:
-    """The project's own baselines.
-
-    Returns
-    -------
-    list[Path]
-        In the order of their names.
-    """
+    """The project's own baselines."""
     return sorted(BASELINES.glob("*.toml"))
 
 
 def read(path: Path) -> Baseline:
-    """Read and check a baseline.
-
-    Parameters
-    ----------
-    path : Path
-        TOML file.
-
-    Returns
-    -------
-    Baseline
-        What it holds.
-
-    Raises
-    ------
-    BaselineError
-        If it cannot be read, is no TOML, or a key is unknown, missing or not allowed; the message
-        names file, key and what is allowed.
-    """
+    """Read and check a baseline."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -337,18 +302,7 @@ def read(path: Path) -> Baseline:
 
 
 def render(baseline: Baseline) -> str:
-    """The text of a baseline's file.
-
-    Parameters
-    ----------
-    baseline : Baseline
-        What it holds.
-
-    Returns
-    -------
-    str
-        TOML.
-    """
+    """The text of a baseline's file."""
     held = {
         name: {key: getattr(table, key) for key in keys_of(type(table))} or table
         for name in keys_of(Baseline)
@@ -361,23 +315,7 @@ def render(baseline: Baseline) -> str:
 
 
 def core_of(request: Request) -> tuple[str, Generics]:
-    """Entity and generics that serve a drive.
-
-    Parameters
-    ----------
-    request : Request
-        Drive, explorers and variant.
-
-    Returns
-    -------
-    tuple[str, Generics]
-        Entity, and the generics that are not at their defaults.
-
-    Raises
-    ------
-    ValueError
-        If the drive file is wrong, or the variant does not serve it.
-    """
+    """Entity and generics that serve a drive."""
     drive = load_core_drive(request.drive)
     if isinstance(drive, MptcDrive):
         return ("mptc_family_core" if drive.control.sequences else "mptc_core"), {}
@@ -400,18 +338,7 @@ def core_of(request: Request) -> tuple[str, Generics]:
 
 
 def shipped_file(drive: Path) -> Path:
-    """File of a drive that is given by its name, as `load_core_drive` finds it.
-
-    Parameters
-    ----------
-    drive : Path
-        Of a file, or the name of a drive that ships.
-
-    Returns
-    -------
-    Path
-        The file in `drives/` where no file of that name is in the current folder; else as given.
-    """
+    """File of a drive that is given by its name, as `load_core_drive` finds it."""
     found = tools.ROOT / "drives" / f"{drive.name.removesuffix('.toml')}.toml"
     if drive.name == str(drive) and not drive.exists() and found.is_file():
         return found
@@ -419,50 +346,14 @@ def shipped_file(drive: Path) -> Path:
 
 
 def digests(request: Request) -> tuple[str, str]:
-    """Digests of what the drive file says, comments left out, and of the trace's bytes.
-
-    Parameters
-    ----------
-    request : Request
-        Drive and trace.
-
-    Returns
-    -------
-    tuple[str, str]
-        SHA-256 of drive and trace, hexadecimal.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be read.
-    """
+    """Digests of what the drive file says, comments left out, and of the trace's bytes."""
     drive = tomllib.loads(request.drive.read_text(encoding="utf-8-sig"))
     said = json.dumps(drive, sort_keys=True).encode()
     return hashlib.sha256(said).hexdigest(), hashlib.sha256(request.trace.read_bytes()).hexdigest()
 
 
 def measure(request: Request) -> Measured:
-    """Let RTL, model and ideal controller decide on the trace, and synthesise the core.
-
-    Parameters
-    ----------
-    request : Request
-        Drive, trace and core.
-
-    Returns
-    -------
-    Measured
-        What was found.
-
-    Raises
-    ------
-    ValueError
-        If drive or trace is wrong; the message names file, key or line.
-    ToolError
-        If a tool is missing or fails.
-    OSError
-        If a file cannot be read.
-    """
+    """Let RTL, model and ideal controller decide on the trace, and synthesise the core."""
     entity, generics = core_of(request)
     texts = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -570,20 +461,7 @@ def _decision_cases(baseline: Baseline, measured: Measured) -> list[Case]:
 
 
 def compare(baseline: Baseline, measured: Measured) -> list[Case]:
-    """Hold a measurement to a baseline.
-
-    Parameters
-    ----------
-    baseline : Baseline
-        What is stored.
-    measured : Measured
-        What was found now.
-
-    Returns
-    -------
-    list[Case]
-        One for each key that is compared.
-    """
+    """Hold a measurement to a baseline."""
     cases = []
     for name in ("drive", "trace"):
         key = f"{name}_sha256"
@@ -663,27 +541,7 @@ def _resolved(path: Path, key: str, name: str) -> Path:
 
 
 def run(paths: Sequence[Path], drive: Path | None = None, trace: Path | None = None) -> list[Suite]:
-    """Measure what baselines ask for and compare.
-
-    Parameters
-    ----------
-    paths : Sequence[Path]
-        Baselines; all are read before the first is measured.
-    drive, trace : Path | None
-        Files to use instead of those that the one baseline names.
-
-    Returns
-    -------
-    list[Suite]
-        One for each baseline. A tool that fails is a case of the key ``run`` that has not passed.
-
-    Raises
-    ------
-    ValueError
-        If a baseline, drive or trace is wrong; the message names file, key or line.
-    OSError
-        If a file cannot be read.
-    """
+    """Measure what baselines ask for and compare."""
     work = []
     for path in paths:
         baseline = read(path)
@@ -705,30 +563,7 @@ def run(paths: Sequence[Path], drive: Path | None = None, trace: Path | None = N
 
 
 def new_baseline(path: Path, request: Request, tolerance: Tolerance | None = None) -> Baseline:
-    """Measure, and make a baseline of it.
-
-    Parameters
-    ----------
-    path : Path
-        File that will hold it; paths of drive and trace are written as seen from its folder.
-    request : Request
-        What is measured.
-    tolerance : Tolerance | None
-        Its tolerances; all are 0 if None.
-
-    Returns
-    -------
-    Baseline
-        For `render`.
-
-    Raises
-    ------
-    ValueError
-        If drive or trace is wrong; the message names file, key or line. Also if RTL and bit-true
-        model differ: such a core gets no baseline.
-    ToolError
-        If a tool is missing or fails.
-    """
+    """Measure, and make a baseline of it."""
     measured = measure(request)
     clocks = _clocks(measured.rtl)
     folder = path.resolve().parent
@@ -756,42 +591,13 @@ def new_baseline(path: Path, request: Request, tolerance: Tolerance | None = Non
 
 
 def request_of(path: Path) -> tuple[Request, Tolerance]:
-    """What a baseline measures, and its tolerances.
-
-    Parameters
-    ----------
-    path : Path
-        The baseline.
-
-    Returns
-    -------
-    tuple[Request, Tolerance]
-        For `new_baseline`.
-
-    Raises
-    ------
-    BaselineError
-        If it cannot be used.
-    """
+    """What a baseline measures, and its tolerances."""
     baseline = read(path)
     return _request(path, baseline), baseline.tolerance
 
 
 def follow_budgets() -> list[Path]:
-    """Put the resources of budgets.toml into the project's own baselines.
-
-    Returns
-    -------
-    list[Path]
-        Baselines that had other figures; they are written anew.
-
-    Raises
-    ------
-    BaselineError
-        If a baseline cannot be used.
-    BudgetError
-        If the file of budgets cannot be used.
-    """
+    """Put the resources of budgets.toml into the project's own baselines."""
     held, written = budgets.load(), []
     for path in own_baselines():
         baseline = read(path)
@@ -810,18 +616,7 @@ def follow_budgets() -> list[Path]:
 
 
 def junit(suites: Sequence[Suite]) -> str:
-    """The comparisons as JUnit XML.
-
-    Parameters
-    ----------
-    suites : Sequence[Suite]
-        What `run` returned.
-
-    Returns
-    -------
-    str
-        A suite for each baseline, a case for each key.
-    """
+    """The comparisons as JUnit XML."""
     counts = [(len(suite.cases), len(suite.failed)) for suite in suites]
     total = {"tests": sum(n for n, _ in counts), "failures": sum(n for _, n in counts)}
     root = ElementTree.Element("testsuites", name="directmpc check", **_texts(total))
@@ -846,18 +641,7 @@ def _texts(numbers: dict[str, int]) -> dict[str, str]:
 
 
 def document(suites: Sequence[Suite]) -> str:
-    """The comparisons as JSON.
-
-    Parameters
-    ----------
-    suites : Sequence[Suite]
-        What `run` returned.
-
-    Returns
-    -------
-    str
-        ``passed``, and for each baseline its files, tools and cases.
-    """
+    """The comparisons as JSON."""
     return (
         json.dumps(
             {

@@ -23,7 +23,6 @@ from scripts.shared.tools import ROOT, ToolError
 CONFIGURATION = ROOT / ".vsg.yaml"
 PYTHON_DIRECTORIES = ("model", "scripts", "tb", "examples", "tools")
 # Directories whose docstrings have sections: of parameters, results and errors.
-DOCUMENTED_DIRECTORIES = ("model", "scripts")
 # Directories `make generate` may write to.
 GENERATED_DIRECTORIES = (
     "rtl",
@@ -124,20 +123,8 @@ def _python_format() -> list[str]:
 
 
 def python_docstrings() -> list[str]:
-    """Numpydoc over library and tools: what `pyproject.toml` says about docstrings.
-
-    Returns
-    -------
-    list[str]
-        A line for each fault, with file and line.
-
-    Raises
-    ------
-    ToolError
-        If there is no numpydoc.
-    """
-    files = [path for name in DOCUMENTED_DIRECTORIES for path in (ROOT / name).rglob("*.py")]
-    names = sorted(str(path.relative_to(ROOT)) for path in files)
+    """Numpydoc over the library: what `pyproject.toml` says about docstrings."""
+    names = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "model").rglob("*.py"))
     command = [*tools.tool("numpydoc"), "lint", "--config", str(ROOT), *names]
     return [line for line in _run(command) if line]
 
@@ -190,20 +177,7 @@ def _analysis(std: str) -> list[str]:
 
 
 def undocumented(text: str, name: str) -> list[str]:
-    """Ports and generics of the entities in a file without a comment at the end of their line.
-
-    Parameters
-    ----------
-    text : str
-        VHDL.
-    name : str
-        The file's name, for the lines.
-
-    Returns
-    -------
-    list[str]
-        A line for each, with file, line, entity and name.
-    """
+    """Ports and generics of the entities in a file without a comment at the end of their line."""
     found: list[str] = []
     entity: str | None = None
     depth = 0
@@ -238,20 +212,7 @@ def _documented_ports() -> list[str]:
 
 
 def keyword_names(text: str, name: str) -> list[str]:
-    """Names in a VHDL file that are keywords of SystemVerilog: other tools have to rename them.
-
-    Parameters
-    ----------
-    text : str
-        VHDL.
-    name : str
-        The file's name, for the lines.
-
-    Returns
-    -------
-    list[str]
-        A line for each use, with file, line and name.
-    """
+    """Names in a VHDL file that are keywords of SystemVerilog: other tools have to rename them."""
     found = []
     for number, line in enumerate(text.splitlines(), start=1):
         code = re.sub(r'"[^"]*"', '""', line).partition("--")[0]
@@ -336,35 +297,13 @@ class Finding:
 
 
 def named(words: Sequence[str]) -> list[str]:
-    """Names of the checks that have one of the words in them; of all checks without words.
-
-    Parameters
-    ----------
-    words : Sequence[str]
-        Parts of names; case does not matter.
-
-    Returns
-    -------
-    list[str]
-        In the order of `CHECKS`; empty if no name has one of the words.
-    """
+    """Names of the checks that have one of the words in them; of all checks without words."""
     small = [word.lower() for word in words]
     return [name for name in CHECKS if not small or any(word in name.lower() for word in small)]
 
 
 def findings(names: Sequence[str]) -> Iterator[Finding]:
-    """Run checks one after the other; a tool that is missing is a finding, too.
-
-    Parameters
-    ----------
-    names : Sequence[str]
-        Of `CHECKS`.
-
-    Yields
-    ------
-    Finding
-        Of each check, as soon as it has run.
-    """
+    """Run checks one after the other; a tool that is missing is a finding, too."""
     for name in names:
         began = time.perf_counter()
         try:
@@ -375,18 +314,7 @@ def findings(names: Sequence[str]) -> Iterator[Finding]:
 
 
 def rewrite() -> tuple[list[str], bool]:
-    """Let VSG and ruff rewrite what they can.
-
-    Returns
-    -------
-    tuple of (list of str, bool)
-        What they say, and whether nothing is left to mend.
-
-    Raises
-    ------
-    ToolError
-        If VSG or ruff is missing.
-    """
+    """Let VSG and ruff rewrite what they can."""
     said = [line for pair in _vhdl_files() for line in _vsg(*pair, "--fix")]
     clean = not said
     for words in (("check", "--fix"), ("format",)):

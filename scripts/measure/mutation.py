@@ -117,27 +117,7 @@ def _texts(where: str, key: str, given: Any) -> tuple[str, ...]:
 
 
 def listed(path: Path = LIST, root: Path = ROOT) -> list[Unit]:
-    """The units that are looked at.
-
-    Parameters
-    ----------
-    path : Path
-        The list.
-    root : Path
-        The project: the design and the tests lie below it.
-
-    Returns
-    -------
-    list[Unit]
-        In the order of the list.
-
-    Raises
-    ------
-    MutationError
-        If a key is unknown, a unit or a test does not exist, or a unit has no test.
-    OSError
-        If the file cannot be read.
-    """
+    """The units that are looked at."""
     try:
         given = tomllib.loads(path.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:
@@ -174,48 +154,12 @@ def listed(path: Path = LIST, root: Path = ROOT) -> list[Unit]:
 
 
 def unlisted(units: Iterable[Unit], root: Path = ROOT) -> list[str]:
-    """Units of the design that a list has not.
-
-    Parameters
-    ----------
-    units : Iterable[Unit]
-        The list.
-    root : Path
-        The project.
-
-    Returns
-    -------
-    list[str]
-        Entities and packages that are not generated, sorted.
-
-    Raises
-    ------
-    OSError
-        If a file of the design cannot be read.
-    """
+    """Units of the design that a list has not."""
     return sorted(set(_units_of(root / "rtl")) - {unit.name for unit in units})
 
 
 def named(names: Iterable[str], units: Sequence[Unit]) -> list[Unit]:
-    """Some units of the list.
-
-    Parameters
-    ----------
-    names : Iterable[str]
-        Which; none for all.
-    units : Sequence[Unit]
-        All that there are.
-
-    Returns
-    -------
-    list[Unit]
-        In the order of the list.
-
-    Raises
-    ------
-    MutationError
-        If a name is not in the list.
-    """
+    """Some units of the list."""
     wanted = set(names)
     known = [unit.name for unit in units]
     if unknown := wanted - set(known):
@@ -245,25 +189,7 @@ class Argument:
 
 
 def arguments(path: Path = ARGUED) -> list[Argument]:
-    """Mutants that are argued to do the same.
-
-    Parameters
-    ----------
-    path : Path
-        The file: tables of a unit with ``before``, ``after``, ``why`` and perhaps ``place``.
-
-    Returns
-    -------
-    list[Argument]
-        In the order of the file.
-
-    Raises
-    ------
-    MutationError
-        If a key is missing or unknown.
-    OSError
-        If the file cannot be read.
-    """
+    """Mutants that are argued to do the same."""
     try:
         given = tomllib.loads(path.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:
@@ -299,26 +225,7 @@ def _parts(test: str, root: Path) -> dict[str, list[Path]]:
 
 
 def keys_of(unit: Unit, root: Path = ROOT) -> dict[str, str]:
-    """Sixteen digits for each thing that results depend on; comments of the VHDL do not count.
-
-    Parameters
-    ----------
-    unit : Unit
-        The unit.
-    root : Path
-        The project.
-
-    Returns
-    -------
-    dict[str, str]
-        Hexadecimal, for the unit's file, each file of its tests, ``tests``: which of them, and
-        ``configurations`` where netlists are compared in others than the defaults.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be read.
-    """
+    """Sixteen digits for each thing that results depend on; comments of the VHDL do not count."""
     source = code((root / unit.file).read_text(encoding="utf-8"))
     found = {
         unit.file.as_posix(): tools.digest(source, str(SEED)),
@@ -342,20 +249,6 @@ def valid(unit: Unit, found: Mapping[str, Any], keys: Mapping[str, str]) -> list
     What was killed holds as long as the VHDL and the file of the test that killed it are the same,
     with what is no test beside it; what is equivalent, as long as the VHDL and the configurations
     are; what survived, as long as the VHDL and all tests are.
-
-    Parameters
-    ----------
-    unit : Unit
-        The unit.
-    found : Mapping[str, Any]
-        As of `kept`.
-    keys : Mapping[str, str]
-        As of `keys_of`, now.
-
-    Returns
-    -------
-    list[dict[str, Any]]
-        Those of the rows.
     """
     before = found.get("keys", {})
 
@@ -385,27 +278,7 @@ def valid(unit: Unit, found: Mapping[str, Any], keys: Mapping[str, str]) -> list
 
 
 def kept(unit: str, folder: Path = RESULTS) -> dict[str, Any]:
-    """Results of a unit.
-
-    Parameters
-    ----------
-    unit : str
-        Its name.
-    folder : Path
-        Where results lie.
-
-    Returns
-    -------
-    dict[str, Any]
-        ``keys``, ``whole`` where none is left to run, and ``mutants`` with ``line``, ``kind``,
-        ``before``, ``after``, ``place``, ``outcome`` and ``by``, the test that failed; empty if
-        there are none.
-
-    Raises
-    ------
-    MutationError
-        If the file is no JSON.
-    """
+    """Results of a unit."""
     path = folder / f"{unit}.json"
     if not path.exists():
         return {}
@@ -459,13 +332,6 @@ class Unchanged:
 class Workshop:
     """A copy of the project with a process that runs tests in it.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the copy is made.
-    root : Path
-        The project.
-
     Attributes
     ----------
     root : Path
@@ -507,31 +373,7 @@ class Workshop:
         one: float = LONGEST,
         first: Sequence[str] = (),
     ) -> dict[str, Any]:
-        """Run tests of the copy.
-
-        Parameters
-        ----------
-        tests : Sequence[str]
-            As pytest selects them.
-        limit : float
-            Seconds on the clock until they are ended.
-        work : float
-            Seconds of the processor until they are.
-        one : float
-            Seconds of the processor until a single test is.
-        first : Sequence[str]
-            Tests that go before all others, in this order.
-
-        Returns
-        -------
-        dict[str, Any]
-            As `scripts.measure.bench_server` answers.
-
-        Raises
-        ------
-        MutationError
-            If the process has ended.
-        """
+        """Run tests of the copy."""
         stdin: IO[str] = self._process.stdin
         stdout: IO[str] = self._process.stdout
         try:
@@ -564,23 +406,7 @@ class Workshop:
 
 @contextmanager
 def workshop(root: Path = ROOT) -> Iterator[Workshop]:
-    """A workshop that goes with the block.
-
-    Parameters
-    ----------
-    root : Path
-        The project.
-
-    Yields
-    ------
-    Workshop
-        The workshop.
-
-    Raises
-    ------
-    OSError
-        If the project cannot be copied.
-    """
+    """A workshop that goes with the block."""
     with tempfile.TemporaryDirectory(prefix="directmpc-mutants-") as name:
         made = Workshop(Path(name), root)
         try:
@@ -772,39 +598,7 @@ def mutate(
     *,
     anew: bool = False,
 ) -> dict[str, Any]:
-    """Run the mutants of a unit that have no result yet.
-
-    Parameters
-    ----------
-    unit : Unit
-        The unit.
-    place : Workshop
-        Where they run.
-    sample : int
-        How many that compile; fewer if there are fewer.
-    results : Path
-        Folder of the results.
-    root : Path
-        The project, or the copy that the benches run in.
-    advance : callable
-        Called `sample` times.
-    stopped : callable
-        Asked before each mutant whether to stop.
-    anew : bool
-        Whether results that there are do not count.
-
-    Returns
-    -------
-    dict[str, Any]
-        As of `kept`.
-
-    Raises
-    ------
-    MutationError
-        If benches fail without a change, or something else fails than a check.
-    ToolError
-        If a tool is missing or fails.
-    """
+    """Run the mutants of a unit that have no result yet."""
     source = (root / unit.file).read_text(encoding="utf-8")
     keys = keys_of(unit, root)
     before = kept(unit.name, results)
@@ -859,29 +653,7 @@ def mutate(
 
 
 def elsewhere(unit: Unit, sample: int, before: Mapping[str, Any]) -> dict[str, Any]:
-    """Run the mutants of a unit that have no result yet, in a worker that sees no other's files.
-
-    Parameters
-    ----------
-    unit : Unit
-        The unit.
-    sample : int
-        As of `mutate`.
-    before : Mapping[str, Any]
-        Results that there are, as of `kept`.
-
-    Returns
-    -------
-    dict[str, Any]
-        As of `kept`.
-
-    Raises
-    ------
-    MutationError
-        If benches fail without a change, or something else fails than a check.
-    ToolError
-        If a tool is missing or fails.
-    """
+    """Run the mutants of a unit that have no result yet, in a worker that sees no other's files."""
     with tempfile.TemporaryDirectory(prefix="directmpc-results-") as name, workshop() as place:
         if before:
             _store(unit, before, Path(name))
@@ -897,31 +669,7 @@ def mutate_all(
     anew: bool = False,
     scheduler: str | None = None,
 ) -> None:
-    """Run the mutants of several units, some units at a time.
-
-    Parameters
-    ----------
-    units : Sequence[Unit]
-        Which.
-    sample : int
-        Mutants of each that compile.
-    jobs : int
-        Units at a time.
-    results : Path
-        Folder of the results.
-    anew : bool
-        Whether results that there are do not count.
-    scheduler : str | None
-        Of a Dask cluster that runs the units, each in one worker; what a unit has is stored when
-        all of it has been run. None for this machine.
-
-    Raises
-    ------
-    MutationError
-        If benches fail without a change, or something else fails than a check.
-    ToolError
-        If a tool is missing or fails.
-    """
+    """Run the mutants of several units, some units at a time."""
     if scheduler is not None:
         calls = [(unit, sample, {} if anew else kept(unit.name, results)) for unit in units]
         with Pool(jobs, scheduler) as pool:
@@ -988,55 +736,22 @@ class Score:
 
     @property
     def mutants(self) -> int:
-        """Mutants that compile.
-
-        Returns
-        -------
-        int
-            Their number.
-        """
+        """Mutants that compile."""
         return sum(count for name, count in self.outcomes.items() if name != "uncompiled")
 
     @property
     def killed(self) -> int:
-        """Mutants that a check or a time-out has found.
-
-        Returns
-        -------
-        int
-            Their number.
-        """
+        """Mutants that a check or a time-out has found."""
         return self.outcomes.get("killed", 0) + self.outcomes.get("timeout", 0)
 
     @property
     def equivalent(self) -> int:
-        """Mutants that do the same, proven or argued.
-
-        Returns
-        -------
-        int
-            Their number.
-        """
+        """Mutants that do the same, proven or argued."""
         return self.outcomes.get("equivalent", 0) + len(self.argued)
 
 
 def score(unit: str, found: Mapping[str, Any], argued: Sequence[Argument]) -> Score:
-    """Count the results of a unit.
-
-    Parameters
-    ----------
-    unit : str
-        Its name.
-    found : Mapping[str, Any]
-        As of `kept`.
-    argued : Sequence[Argument]
-        Of all units.
-
-    Returns
-    -------
-    Score
-        The counts.
-    """
+    """Count the results of a unit."""
     names = {one.name for one in argued if one.unit == unit}
     survived = [row for row in found["mutants"] if row["outcome"] == "survived"]
     counts = Counter(row["outcome"] for row in found["mutants"])
@@ -1051,18 +766,7 @@ def score(unit: str, found: Mapping[str, Any], argued: Sequence[Argument]) -> Sc
 
 
 def share(killed: int, counted: int) -> str:
-    """A score in percent.
-
-    Parameters
-    ----------
-    killed, counted : int
-        Mutants that were found, of so many that can be.
-
-    Returns
-    -------
-    str
-        Without decimals, rounded down; "-" if none can be.
-    """
+    """A score in percent."""
     return f"{100 * killed // counted} %" if counted else "-"
 
 
@@ -1089,23 +793,7 @@ def markdown(
     results: Mapping[str, Mapping[str, Any]],
     argued: Sequence[Argument],
 ) -> str:
-    """The tables of the page.
-
-    Parameters
-    ----------
-    units : Sequence[Unit]
-        All of the list.
-    results : Mapping[str, Mapping[str, Any]]
-        Unit -> as of `kept`; units without results are "not run".
-    argued : Sequence[Argument]
-        Mutants that are argued to do the same.
-
-    Returns
-    -------
-    str
-        Scores, "so far" where mutants are left to run, survivors, and mutants that are argued to
-        do the same.
-    """
+    """The tables of the page."""
     found = scores(
         {unit.name: results[unit.name] for unit in units if unit.name in results}, argued
     )
@@ -1154,22 +842,7 @@ def markdown(
 
 
 def outdated(units: Sequence[Unit], results: Path = RESULTS, root: Path = ROOT) -> list[str]:
-    """Units whose VHDL or benches have changed since they were run.
-
-    Parameters
-    ----------
-    units : Sequence[Unit]
-        Which to look at.
-    results : Path
-        Folder of the results.
-    root : Path
-        The project.
-
-    Returns
-    -------
-    list[str]
-        Their names.
-    """
+    """Units whose VHDL or benches have changed since they were run."""
     return [
         unit.name
         for unit in units
@@ -1179,57 +852,19 @@ def outdated(units: Sequence[Unit], results: Path = RESULTS, root: Path = ROOT) 
 
 
 def stored(units: Sequence[Unit], results: Path = RESULTS) -> dict[str, dict[str, Any]]:
-    """Results of all units that have some.
-
-    Parameters
-    ----------
-    units : Sequence[Unit]
-        The list.
-    results : Path
-        Folder of the results.
-
-    Returns
-    -------
-    dict[str, dict[str, Any]]
-        Unit -> as of `kept`, in the order of the list.
-    """
+    """Results of all units that have some."""
     return {unit.name: data for unit in units if (data := kept(unit.name, results))}
 
 
 def scores(
     results: Mapping[str, Mapping[str, Any]], argued: Sequence[Argument]
 ) -> dict[str, Score]:
-    """Scores of units that were run.
-
-    Parameters
-    ----------
-    results : Mapping[str, Mapping[str, Any]]
-        Unit -> as of `kept`.
-    argued : Sequence[Argument]
-        Of all units.
-
-    Returns
-    -------
-    dict[str, Score]
-        By the unit's name.
-    """
+    """Scores of units that were run."""
     return {name: score(name, found, argued) for name, found in results.items()}
 
 
 def figures(found: Mapping[str, Score]) -> dict[str, dict[str, float]]:
-    """What metrics.json says of the scores.
-
-    Parameters
-    ----------
-    found : Mapping[str, Score]
-        As of `scores`.
-
-    Returns
-    -------
-    dict[str, dict[str, float]]
-        Unit -> ``mutants`` that compile, ``equivalent`` ones of them, proven or argued, and
-        ``killed_pct`` of the others; this one is missing where there are no others.
-    """
+    """What metrics.json says of the scores."""
     told: dict[str, dict[str, float]] = {}
     for name, one in found.items():
         told[name] = {"mutants": one.mutants, "equivalent": one.equivalent}
@@ -1239,20 +874,7 @@ def figures(found: Mapping[str, Score]) -> dict[str, dict[str, float]]:
 
 
 def badge(found: Mapping[str, Score], units: int) -> str:
-    """A picture for the first page of the project.
-
-    Parameters
-    ----------
-    found : Mapping[str, Score]
-        As of `scores`.
-    units : int
-        Units of the list, run or not.
-
-    Returns
-    -------
-    str
-        SVG with the score of all units that were run, and how many these are.
-    """
+    """A picture for the first page of the project."""
     counted = sum(one.mutants - one.equivalent for one in found.values())
     killed = share(sum(one.killed for one in found.values()), counted)
     left, right = "mutation score", f"{killed}, {len(found)} of {units} units"
@@ -1272,22 +894,7 @@ def badge(found: Mapping[str, Score], units: int) -> str:
 
 
 def publish(page: Path = PAGE, results: Path = RESULTS, metrics: Path = METRICS) -> None:
-    """Write the tables into their page, the badge beside it and the figures into metrics.json.
-
-    Parameters
-    ----------
-    page : Path
-        The page; its markers stay. The badge has its name with the ending ``.svg``.
-    results : Path
-        Folder of the results.
-    metrics : Path
-        File of the figures; what else it holds stays.
-
-    Raises
-    ------
-    MarkerError
-        If the page has no place for them.
-    """
+    """Write the tables into their page, the badge beside it and the figures into metrics.json."""
     units = listed()
     found, argued = stored(units, results), arguments()
     told = scores(found, argued)

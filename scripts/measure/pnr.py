@@ -46,22 +46,7 @@ INSTANCE = "u_core"
 
 
 def wrapper(top: str, ports: Ports, has_protocol: bool) -> str:
-    """Verilog around a core: few pins, registers at its boundary.
-
-    Parameters
-    ----------
-    top : str
-        Entity of the core.
-    ports : Ports
-        Data ports and their widths in bits.
-    has_protocol : bool
-        Whether it has reset, start and valid.
-
-    Returns
-    -------
-    str
-        Module ``core_pins``.
-    """
+    """Verilog around a core: few pins, registers at its boundary."""
     wide_in = sum(ports.inputs.values())
     wide_out = sum(ports.outputs.values())
     lines = [
@@ -106,23 +91,7 @@ def wrapper(top: str, ports: Ports, has_protocol: bool) -> str:
 
 
 def map_core(one: Configuration) -> Path:
-    """The core in its wrapper, mapped to ECP5; cached by content.
-
-    Parameters
-    ----------
-    one : Configuration
-        The core and its generics.
-
-    Returns
-    -------
-    Path
-        Mapped netlist as JSON; the Verilog lies beside it.
-
-    Raises
-    ------
-    ToolError
-        If a tool is missing or fails.
-    """
+    """The core in its wrapper, mapped to ECP5; cached by content."""
     source = netlist.cached(one.entity, one.generics)
     text = source.read_text(encoding="utf-8")
     header = re.search(rf"^module {one.entity.lower()}\n(.*?);\n", text, re.M | re.S)
@@ -149,25 +118,7 @@ def map_core(one: Configuration) -> Path:
 
 
 def place_seed(mapped: Path, seed: int) -> tuple[dict[str, Any], str]:
-    """Report of one seed and the part as nextpnr's configuration names it.
-
-    Parameters
-    ----------
-    mapped : Path
-        Mapped netlist as JSON.
-    seed : int
-        Of the placement.
-
-    Returns
-    -------
-    tuple of dict and str
-        nextpnr's report, and the text of its configuration.
-
-    Raises
-    ------
-    ToolError
-        If nextpnr fails by anything but the clock that is out of reach.
-    """
+    """Report of one seed and the part as nextpnr's configuration names it."""
     key = tools.digest(
         mapped.read_bytes(),
         CONSTRAINTS,
@@ -204,15 +155,7 @@ _INSTANCE = re.compile(r"^  (\w+) (\w+) \($")
 
 
 class Origins:
-    """Where in the VHDL the nets of a converted netlist come from.
-
-    Parameters
-    ----------
-    verilog : str
-        Converted netlist, with GHDL's comments on lines of the VHDL.
-    top : str
-        Entity at its top.
-    """
+    """Where in the VHDL the nets of a converted netlist come from."""
 
     def __init__(self, verilog: str, top: str) -> None:
         self.top = top.lower()
@@ -259,34 +202,12 @@ class Origins:
         return next((net for net in nets if net in known), "")
 
     def of(self, name: str) -> str:
-        """File and line of a cell or net by its flattened name, empty when it has none.
-
-        Parameters
-        ----------
-        name : str
-            Flattened name, parts with dots between.
-
-        Returns
-        -------
-        str
-            "file:line".
-        """
+        """File and line of a cell or net by its flattened name, empty when it has none."""
         known = self.lines.get(self._module(name), {})
         return known.get(self._net(name, known), "")
 
     def words(self, name: str) -> str:
-        """Entity and signal of a cell, with the line of the VHDL; what is known of them.
-
-        Parameters
-        ----------
-        name : str
-            Flattened name of a cell, parts with dots between.
-
-        Returns
-        -------
-        str
-            "entity.signal (file:line)", or "the wrapper's register".
-        """
+        """Entity and signal of a cell, with the line of the VHDL; what is known of them."""
         # Yosys numbers the block RAMs that a memory takes
         cell, memory = re.subn(r"(?:\.\d+)+$", "", name)
         if memory:
@@ -333,29 +254,7 @@ def _split(path: list[dict[str, Any]]) -> tuple[float, float]:
 def evaluate(
     report: dict[str, Any], config: str, seed: int, origins: Origins | None = None
 ) -> dict[str, Any]:
-    """Fmax and critical path of one seed; anything doubtful is an error.
-
-    Parameters
-    ----------
-    report : dict[str, Any]
-        nextpnr's report.
-    config : str
-        Text of its configuration.
-    seed : int
-        Of the placement, for the messages.
-    origins : Origins | None
-        Where nets come from; the path is not put in words if None.
-
-    Returns
-    -------
-    dict[str, Any]
-        Frequency in MHz, times in ns, levels of logic, and the path's ends.
-
-    Raises
-    ------
-    ToolError
-        If device, clock, target or path is another than asked for.
-    """
+    """Fmax and critical path of one seed; anything doubtful is an error."""
     comment = re.search(r"^\.comment Part: (\S+)", config, re.M)
     device = re.search(r"^\.device (\S+)", config, re.M)
     if device is None or device.group(1) != DEVICE:
@@ -467,29 +366,7 @@ def _csv(summary: dict[str, Any]) -> str:
 
 
 def place_all(only: Sequence[str], exact: bool, seeds: int, jobs: int) -> int:
-    """Place and route every configuration marked for it, or those named; print and store them.
-
-    Parameters
-    ----------
-    only : Sequence[str]
-        Words; configurations with one in their name. Those marked in the file if empty.
-    exact : bool
-        Whether the words are whole names.
-    seeds : int
-        Seeds 1 to this one.
-    jobs : int
-        Placements at a time.
-
-    Returns
-    -------
-    int
-        0 when all have been placed, 1 when one could not be.
-
-    Raises
-    ------
-    UsageError
-        If no configuration is meant.
-    """
+    """Place and route every configuration marked for it, or those named; print and store them."""
     console = Console(width=None if sys.stdout.isatty() else 140)
     problems: list[str] = []
     summaries: list[dict[str, Any]] = []

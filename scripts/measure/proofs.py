@@ -162,25 +162,13 @@ class Outcome:
 
     @property
     def facts(self) -> int:
-        """How many facts were asked for.
-
-        Returns
-        -------
-        int
-            Facts of all blocks.
-        """
+        """How many facts were asked for."""
         wires = (*self.proven, *self.refuted, *self.unanswered)
         return sum(last_name(wire).startswith("fact_") for wire in wires)
 
     @property
     def holds(self) -> bool:
-        """Whether everything is proven.
-
-        Returns
-        -------
-        bool
-            False if a single property or fact is not.
-        """
+        """Whether everything is proven."""
         return not self.refuted and not self.unanswered
 
 
@@ -208,25 +196,7 @@ def _property(where: str, name: str, given: Mapping[str, Any], first: str) -> Pr
 
 
 def listed(path: Path = LIST) -> list[Proof]:
-    """The proofs that there are.
-
-    Parameters
-    ----------
-    path : Path
-        The list; files that it names lie beside it or, with a slash, below the project's root.
-
-    Returns
-    -------
-    list[Proof]
-        In the order of the list.
-
-    Raises
-    ------
-    ProofError
-        If a key is missing or unknown; it names the file and the table.
-    OSError
-        If the file cannot be read.
-    """
+    """The proofs that there are."""
     try:
         given = tomllib.loads(path.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:
@@ -261,36 +231,12 @@ def listed(path: Path = LIST) -> list[Proof]:
 
 
 def entities() -> set[str]:
-    """Entities of which something is proven by induction.
-
-    Returns
-    -------
-    set of str
-        Their names.
-    """
+    """Entities of which something is proven by induction."""
     return {proof.entity for proof in listed()}
 
 
 def named(names: Iterable[str], proofs: Sequence[Proof]) -> list[Proof]:
-    """The proofs of some entities.
-
-    Parameters
-    ----------
-    names : Iterable[str]
-        Entities; none for all.
-    proofs : Sequence[Proof]
-        All that there are.
-
-    Returns
-    -------
-    list[Proof]
-        In the order of the list.
-
-    Raises
-    ------
-    ProofError
-        If nothing is proven of an entity.
-    """
+    """The proofs of some entities."""
     wanted = set(names)
     known = {proof.entity for proof in proofs}
     if unknown := wanted - known:
@@ -380,18 +326,7 @@ def _machine(proof: Proof, generics: Generics, folder: Path, rtl: Path) -> str:
 
 
 def last_name(wire: str) -> str:
-    """A wire's own name.
-
-    Parameters
-    ----------
-    wire : str
-        Its name with the blocks that it lies in.
-
-    Returns
-    -------
-    str
-        The last part.
-    """
+    """A wire's own name."""
     return wire.rsplit(".", 1)[-1]
 
 
@@ -433,32 +368,7 @@ def _questions(machine: str) -> tuple[str, list[tuple[str, str]]]:
 def prove(
     proof: Proof, configuration: str, rtl: Path = sources.RTL, timeout: int = TIMEOUT
 ) -> Outcome:
-    """Prove everything of one entity in one configuration.
-
-    Parameters
-    ----------
-    proof : Proof
-        What is proven.
-    configuration : str
-        One of its configurations.
-    rtl : Path
-        Folder of the design.
-    timeout : int
-        Seconds that the solver may take for one question.
-
-    Returns
-    -------
-    Outcome
-        What holds and what does not.
-
-    Raises
-    ------
-    ProofError
-        If the module cannot be used, lacks a property of the list, has one that is not listed, or
-        its facts contradict one another.
-    ToolError
-        If a tool is missing or fails.
-    """
+    """Prove everything of one entity in one configuration."""
     began = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="directmpc-proof-") as name:
         folder = Path(name)
@@ -501,25 +411,7 @@ def prove(
 
 
 def prove_all(proofs: Sequence[Proof], jobs: int) -> list[Outcome]:
-    """Prove everything, several configurations at a time.
-
-    Parameters
-    ----------
-    proofs : Sequence[Proof]
-        What is proven.
-    jobs : int
-        Configurations at a time.
-
-    Returns
-    -------
-    list[Outcome]
-        In the order of proofs and configurations.
-
-    Raises
-    ------
-    ToolError
-        As `prove`.
-    """
+    """Prove everything, several configurations at a time."""
     pairs = [(proof, name) for proof in proofs for name in proof.configurations]
     with (
         progress.counter("proofs", len(pairs)) as advance,
@@ -542,23 +434,7 @@ def document(
     outcomes: Sequence[Outcome],
     fitting: Sequence[tuple[intervals.Check, str, float]] = (),
 ) -> dict[str, Any]:
-    """Results as JSON can hold them.
-
-    Parameters
-    ----------
-    proofs : Sequence[Proof]
-        What was to be proven.
-    outcomes : Sequence[Outcome]
-        What came of it.
-    fitting : Sequence[tuple[intervals.Check, str, float]]
-        Checks of ranges, with what `ranges.shown` says of each.
-
-    Returns
-    -------
-    dict[str, Any]
-        ``proof`` -> entity -> property -> ``method``, ``depth`` in clocks, ``holds``, ``facts``
-        that it needs, all configurations together, and ``seconds`` of the entity's proofs.
-    """
+    """Results as JSON can hold them."""
     table: dict[str, Any] = {}
     for proof in proofs:
         own = [one for one in outcomes if one.entity == proof.entity]
@@ -585,20 +461,7 @@ def document(
 
 
 def markdown(proofs: Sequence[Proof], results: Mapping[str, Any]) -> str:
-    """The table of the page.
-
-    Parameters
-    ----------
-    proofs : Sequence[Proof]
-        What is proven.
-    results : Mapping[str, Any]
-        As `document` makes it.
-
-    Returns
-    -------
-    str
-        Markdown; a row for each property, and below what is taken for granted.
-    """
+    """The table of the page."""
     rows = []
     for proof in proofs:
         for one in proof.properties:
@@ -626,23 +489,7 @@ def markdown(proofs: Sequence[Proof], results: Mapping[str, Any]) -> str:
 
 
 def figures(results: Mapping[str, Any]) -> dict[str, Any]:
-    """What metrics.json says of the proofs.
-
-    Parameters
-    ----------
-    results : Mapping[str, Any]
-        As `document` makes it.
-
-    Returns
-    -------
-    dict[str, Any]
-        Entity -> property -> ``method``, ``depth``, ``seconds``.
-
-    Raises
-    ------
-    ProofError
-        If a property does not hold.
-    """
+    """What metrics.json says of the proofs."""
     kept = ("method", "depth", "seconds")
     for entity, properties in results["proof"].items():
         for name, found in properties.items():
@@ -655,18 +502,5 @@ def figures(results: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def write_page(proofs: Sequence[Proof], results: Mapping[str, Any]) -> None:
-    """Write the table into its page.
-
-    Parameters
-    ----------
-    proofs : Sequence[Proof]
-        All that is proven.
-    results : Mapping[str, Any]
-        As `document` makes it.
-
-    Raises
-    ------
-    MarkerError
-        If the page has no place for it.
-    """
+    """Write the table into its page."""
     tables.rewrite(PAGE, {MARKS: markdown(proofs, results)})

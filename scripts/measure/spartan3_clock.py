@@ -75,13 +75,7 @@ class Longest:
 
     @property
     def levels(self) -> int:
-        """Cells between the registers; a carry chain counts as one.
-
-        Returns
-        -------
-        int
-            How many.
-        """
+        """Cells between the registers; a carry chain counts as one."""
         inner = self.cells[1:-1]
         return sum(
             kind not in _CHAIN or (at == 0 or inner[at - 1] not in _CHAIN)
@@ -123,23 +117,7 @@ def _wire(source: str, sink: str, port: str, sinks: int) -> float:
 
 
 def longest(cells: Mapping[str, Mapping[str, Any]]) -> Longest:
-    """The longest path between registers of a mapped netlist.
-
-    Parameters
-    ----------
-    cells : mapping
-        Cells as Yosys writes them, by name.
-
-    Returns
-    -------
-    Longest
-        Of several equal ones any.
-
-    Raises
-    ------
-    ToolError
-        If a cell has no delay, or the logic has a loop.
-    """
+    """The longest path between registers of a mapped netlist."""
     driver: dict[int, str] = {}
     outputs: dict[str, list[int]] = defaultdict(list)
     sinks: dict[int, list[tuple[str, str]]] = defaultdict(list)
@@ -197,27 +175,7 @@ def longest(cells: Mapping[str, Mapping[str, Any]]) -> Longest:
 
 
 def estimate(entity: str, generics: Generics, force: bool = False) -> Longest:
-    """The longest path of a core, mapped as `make synth` maps it; kept in build/.
-
-    Parameters
-    ----------
-    entity : str
-        Entity.
-    generics : Generics
-        Those that are not at their defaults.
-    force : bool
-        Whether what is kept is estimated again.
-
-    Returns
-    -------
-    Longest
-        As of `longest`.
-
-    Raises
-    ------
-    ToolError
-        If a tool is missing or fails.
-    """
+    """The longest path of a core, mapped as `make synth` maps it; kept in build/."""
     verilog = netlist.cached(entity, generics)
     key = tools.digest(synth.key(entity, generics, FAMILY), Path(__file__))[:16]
     stored = BUILD / "spartan3_clock" / f"{tools.configuration_name(entity, generics)}-{key}.json"
@@ -232,13 +190,7 @@ def estimate(entity: str, generics: Generics, force: bool = False) -> Longest:
 
 
 def study() -> list[dict[str, Any]]:
-    """A row for each of `CONFIGURATIONS`.
-
-    Returns
-    -------
-    list of dict
-        Configuration, delay in ns, clock in MHz, levels and cells of the longest path.
-    """
+    """A row for each of `CONFIGURATIONS`."""
     rows = []
     for name, (entity, generics) in CONFIGURATIONS.items():
         found = estimate(entity, generics)
@@ -253,18 +205,7 @@ def study() -> list[dict[str, Any]]:
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The estimates.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        As of `study`, as text or numbers.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
+    """The estimates."""
     lines = [
         (
             row["configuration"], f"{float(row['delay_ns']):.1f}",
@@ -277,15 +218,7 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def publish(path: Path = REPORT, page: Path = PAGE) -> None:
-    """Write the table into its page.
-
-    Parameters
-    ----------
-    path : Path
-        The stored estimates.
-    page : Path
-        The page; its markers stay.
-    """
+    """Write the table into its page."""
     tables.rewrite(page, {(BEGIN, END): table(tables.read_csv(path))})
 
 

@@ -82,18 +82,7 @@ def _measure_point(point: Point) -> dict[str, Any]:
 
 
 def frontier(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows that no other row beats in cycles and slices at once.
-
-    Parameters
-    ----------
-    rows : list[dict[str, Any]]
-        Points with ``cycles_worst`` and ``slices_unpacked``.
-
-    Returns
-    -------
-    list[dict[str, Any]]
-        Those rows, in their order.
-    """
+    """Rows that no other row beats in cycles and slices at once."""
     return [
         row
         for row in rows
@@ -124,23 +113,7 @@ def _csv_text(rows: list[dict[str, Any]]) -> str:
 
 
 def measured_at(path: Path = CSV) -> str:
-    """Commit in the head of the CSV.
-
-    Parameters
-    ----------
-    path : Path
-        The CSV.
-
-    Returns
-    -------
-    str
-        Hash, with "-dirty" if files differed from it.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    """
+    """Commit in the head of the CSV."""
     head = path.read_text(encoding="utf-8").partition("\n")[0]
     return head.removeprefix("# commit: ")
 
@@ -151,20 +124,7 @@ def _short(commit: str) -> str:
 
 
 def table(rows: list[dict[str, Any]], commit: str) -> str:
-    """The rows as Markdown, for docs/design-space.md.
-
-    Parameters
-    ----------
-    rows : list[dict[str, Any]]
-        Of the CSV, numbers as numbers.
-    commit : str
-        As of `measured_at`.
-
-    Returns
-    -------
-    str
-        The commit, then the table.
-    """
+    """The rows as Markdown, for docs/design-space.md."""
     head = (
         "swept", "value", "variant", "n", "cycles", "slices unpacked (packed)", "mult.",
         "block RAM", "Fmax, worst seed", "decision", "unlike ideal",
@@ -198,15 +158,7 @@ def _plain(axis: Any, ticks: Sequence[float]) -> None:
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    """Cycles against slices, decision time against LUTs, mismatch against word length.
-
-    Parameters
-    ----------
-    rows : list[dict[str, Any]]
-        Of the CSV, numbers as numbers.
-    path : Path
-        PNG file.
-    """
+    """Cycles against slices, decision time against LUTs, mismatch against word length."""
     plt = pyplot()
     figure, axes = plt.subplots(1, 3, figsize=(12.0, 4.3), layout="constrained")
     colours = {"fast": "#1b6ca8", "paper": "#c8553d"}
@@ -298,37 +250,13 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
 
 
 def publish(rows: list[dict[str, Any]]) -> None:
-    """Draw the plot and write the table of the documentation.
-
-    Parameters
-    ----------
-    rows : list[dict[str, Any]]
-        Of the CSV, numbers as numbers.
-
-    Raises
-    ------
-    MarkerError
-        If the page lacks the markers of the table.
-    OSError
-        If the CSV cannot be read.
-    """
+    """Draw the plot and write the table of the documentation."""
     draw(rows, PLOT)
     tables.rewrite(PAGE, {(BEGIN, END): table(rows, measured_at())})
 
 
 def measure_or_error(point: Point) -> dict[str, Any]:
-    """Everything of one point.
-
-    Parameters
-    ----------
-    point : Point
-        The point.
-
-    Returns
-    -------
-    dict[str, Any]
-        Its row; where a tool failed, ``error`` with the message and nothing else.
-    """
+    """Everything of one point."""
     try:
         return _measure_point(point)
     except ToolError as error:
@@ -350,22 +278,7 @@ def _measured(
 
 
 def measure_points(only: Sequence[str], jobs: int, scheduler: str | None = None) -> None:
-    """Measure every point and write CSV, plot and page; or print those named.
-
-    Parameters
-    ----------
-    only : Sequence[str]
-        Words; points with one in their name are measured and printed, nothing is written.
-    jobs : int
-        Points at a time.
-    scheduler : str | None
-        Of a Dask cluster that measures them; None for this machine.
-
-    Raises
-    ------
-    ToolError
-        If no point is meant or one fails.
-    """
+    """Measure every point and write CSV, plot and page; or print those named."""
     say = progress.teller("sweep")
     chosen = [
         p
@@ -413,21 +326,5 @@ def _typed(row: dict[str, str]) -> dict[str, Any]:
 
 
 def stored_rows(path: Path = CSV) -> list[dict[str, Any]]:
-    """Rows of the CSV, numbers as numbers.
-
-    Parameters
-    ----------
-    path : Path
-        The CSV.
-
-    Returns
-    -------
-    list[dict[str, Any]]
-        Column -> number, text, or None for an empty cell.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    """
+    """Rows of the CSV, numbers as numbers."""
     return [_typed(row) for row in tables.read_csv(path)]

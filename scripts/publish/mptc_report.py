@@ -94,13 +94,7 @@ MOST_DIFFERING = 1.0  # %
 
 
 def held_resources(figures: dict[str, Any]) -> None:
-    """Bring the resources of the two-level entities up to date with the budgets, which tests hold.
-
-    Parameters
-    ----------
-    figures : dict[str, Any]
-        Of MPTC, as in metrics.json. What no budget holds stays as it was measured.
-    """
+    """Bring the resources of the two-level entities up to date with the budgets."""
     held = budgets.load().resources
     for key, entity, generics in DESIGNS:
         one = figures[key] if key else figures
@@ -112,24 +106,7 @@ def held_resources(figures: dict[str, Any]) -> None:
 
 
 def resources(jobs: int) -> dict[str, Any]:
-    """Resources of every design.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes at a time.
-
-    Returns
-    -------
-    dict
-        Their part of ``mptc`` of metrics.json: the enumerator's at the top, the others below their
-        keys.
-
-    Raises
-    ------
-    ReportError
-        If a design is not among those that are synthesised.
-    """
+    """Resources of every design."""
     out = BUILD / "synth_report_mptc.json"
     entities = dict.fromkeys(entity for _, entity, _ in DESIGNS)
     run_script("synth", *entities, "--jobs", str(jobs), "--out", str(out))
@@ -153,13 +130,7 @@ def resources(jobs: int) -> dict[str, Any]:
 
 
 def clocks() -> dict[str, Any]:
-    """Clocks of a decision of every design, of its slowest method where a design is a family.
-
-    Returns
-    -------
-    dict
-        Their part of ``mptc`` of metrics.json, as of `resources`. They are those of the budgets.
-    """
+    """Clocks of a decision of every design, of its slowest method where a design is a family."""
     return {
         inner: value
         for key, count in CYCLES.items()
@@ -175,21 +146,6 @@ def replayed(runs: dict[str, tuple[MptcDrive, Run]]) -> dict[str, Any]:
 
     `SAMPLE` rows of each go through the netlist in Verilator, the last `SAMPLE_GHDL` of them
     through the VHDL in GHDL too, which takes a hundred times as long.
-
-    Parameters
-    ----------
-    runs : dict
-        Drive and run by name.
-
-    Returns
-    -------
-    dict
-        Runs, rows in either simulator, rows that differ.
-
-    Raises
-    ------
-    ReportError
-        If a decision, a flag or a number of clocks differs.
     """
     values, measurements, applied, expected, last = [], [], [], [], []
     for drive, run in runs.values():
@@ -279,23 +235,7 @@ def _toured(method: str) -> tuple[Run, dict[str, Any]]:
 
 
 def fidelity(rows: dict[str, dict[str, float]]) -> dict[str, Any]:
-    """Figures of metrics.json from `study.fidelity`.
-
-    Parameters
-    ----------
-    rows : dict[str, dict[str, float]]
-        Name of an operating point -> ``steps``, ``mismatch_pct`` and ``worst_margin``.
-
-    Returns
-    -------
-    dict[str, Any]
-        Steps, shares in percent, and leads in N*m for MPTC and Wb for MPFC.
-
-    Raises
-    ------
-    ReportError
-        If MPTC differs from ideal more often, or where it matters more, than is promised.
-    """
+    """Figures of metrics.json from `study.fidelity`."""
     found: dict[str, Any] = {}
     for method, prefix in (("MPTC", ""), ("MPFC", "mpfc_")):
         chosen = {k: v for k, v in rows.items() if k.startswith(method)}
@@ -644,20 +584,7 @@ def _markers(name: str) -> tuple[str, str]:
 def write_texts(
     figures: dict[str, Any], page: Path = PAGE, manual: Path = MANUAL, report: Path = REPORT
 ) -> None:
-    """Rewrite the tables of three pages from metrics.json's ``mptc``.
-
-    Parameters
-    ----------
-    figures : dict[str, Any]
-        That object.
-    page, manual, report : Path
-        docs/figures.md, docs/mptc.md, reports/mptc.md.
-
-    Raises
-    ------
-    MarkerError
-        If a page lacks the markers of a table.
-    """
+    """Rewrite the tables of three pages from metrics.json's ``mptc``."""
     tables.rewrite(page, {_markers("mptc figures"): _page_table(figures)})
     made = _manual_tables(figures)
     for path, reported in ((manual, False), (report, True)):
@@ -670,19 +597,7 @@ def write_texts(
 
 
 def merged(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
-    """Both parts of ``mptc`` in metrics.json.
-
-    Parameters
-    ----------
-    one, other : dict
-        Figures; objects that both have are joined, at every depth. Of other values that both have
-        those of `other` stay.
-
-    Returns
-    -------
-    dict
-        A new object.
-    """
+    """Both parts of ``mptc`` in metrics.json."""
     found = dict(one)
     for key, value in other.items():
         old = found.get(key)
@@ -692,25 +607,7 @@ def merged(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
 
 
 def runs(say: Callable[[str], None], pictures: Path) -> dict[str, Any]:
-    """Runs of Paper B's figures, decisions beside the ideal controller's, and replays on the RTL.
-
-    Parameters
-    ----------
-    say : callable
-        Told what is under way.
-    pictures : Path
-        Folder for the plots.
-
-    Returns
-    -------
-    dict
-        Their part of ``mptc`` of metrics.json.
-
-    Raises
-    ------
-    ReportError, SimulationError
-        If a figure cannot be had, or is not as promised.
-    """
+    """Runs of the figures of Paper B, decisions beside ideal, and replays on the RTL."""
     drive = load_mptc_drive(DRIVE)
     figures: dict[str, Any] = {}
     say("MPTC: runs of Paper B's figures")
@@ -757,34 +654,12 @@ def runs(say: Callable[[str], None], pictures: Path) -> dict[str, Any]:
 
 
 def methods() -> dict[str, Any]:
-    """Every method at low speed, on the bit-true model.
-
-    Returns
-    -------
-    dict
-        Their part of ``mptc`` of metrics.json.
-    """
+    """Every method at low speed, on the bit-true model."""
     return _rounded(_methods(load_mptc_drive(DRIVE)))
 
 
 def tours(pictures: Path) -> dict[str, Any]:
-    """The joined RTL in closed loop.
-
-    Parameters
-    ----------
-    pictures : Path
-        Folder for the plot.
-
-    Returns
-    -------
-    dict
-        Their part of ``mptc`` of metrics.json.
-
-    Raises
-    ------
-    ReportError, SimulationError
-        If a run fails, or is not as promised.
-    """
+    """The joined RTL in closed loop."""
     toured = {method: _toured(method) for method in ("MPTC", "MPFC")}
     _draw_tour({method: run for method, (run, _) in toured.items()}, pictures / "mptc_tour.png")
     return _rounded({"tour": {method: found for method, (_, found) in toured.items()}})

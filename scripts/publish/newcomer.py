@@ -28,23 +28,7 @@ _DONE = re.compile(
 
 
 def times(output: str) -> dict[str, Any]:
-    """What the script found.
-
-    Parameters
-    ----------
-    output : str
-        All that it printed; lines of other programs may stand between.
-
-    Returns
-    -------
-    dict
-        `system`, `cores`, `commit`, and `seconds` by step.
-
-    Raises
-    ------
-    InputError
-        If a step failed or is not there, or it was not this script.
-    """
+    """What the script found."""
     text = output.replace("\r", "")
     done = _DONE.search(text)
     if done is None:
@@ -61,20 +45,7 @@ def times(output: str) -> dict[str, Any]:
 
 
 def keep(log: Path = LOG, path: Path = TIMES) -> None:
-    """Store the times of a run.
-
-    Parameters
-    ----------
-    log : Path
-        What the script printed.
-    path : Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If there is no such log, or the run did not end well.
-    """
+    """Store the times of a run."""
     try:
         output = log.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
@@ -87,18 +58,7 @@ def keep(log: Path = LOG, path: Path = TIMES) -> None:
 
 
 def page(page: Path = PAGE, path: Path = TIMES) -> None:
-    """Write the table of docs/installing.md from the stored times.
-
-    Parameters
-    ----------
-    page, path : Path
-        The page, and the file.
-
-    Raises
-    ------
-    MarkerError
-        If the page lacks the markers.
-    """
+    """Write the table of docs/installing.md from the stored times."""
     known = json.loads(path.read_text(encoding="utf-8"))
     rows = [[name, str(took)] for name, took in known["seconds"].items()]
     text = (

@@ -28,15 +28,7 @@ COLOURS = {
 
 
 def draw(rows: Mapping[robustness.Setting, Mapping[str, float]], path: Path = PICTURE) -> None:
-    """Draw what noise and remedies change of the switching frequency.
-
-    Parameters
-    ----------
-    rows : mapping
-        As of `robustness.read`.
-    path : Path
-        The PNG.
-    """
+    """Draw what noise and remedies change of the switching frequency."""
     shipped = study_figures.shipped(rows)
     points = list(itertools.product(study_figures.HORIZONS, robustness.SPEEDS))
     plt = pyplot()

@@ -68,13 +68,7 @@ _MARKS: tuple[dict[str, Any], ...] = (
 
 
 class Figures:
-    """Figures of the study, as stored.
-
-    Parameters
-    ----------
-    rows : iterable of dict
-        study, controller, rpm, quantity, value; text or numbers.
-    """
+    """Figures of the study, as stored."""
 
     def __init__(self, rows: Iterable[study.Row | dict[str, str]]) -> None:
         self._values = {
@@ -83,57 +77,15 @@ class Figures:
         }
 
     def __call__(self, name: str, controller: str, rpm: float, quantity: str) -> float:
-        """One figure.
-
-        Parameters
-        ----------
-        name, controller : str
-            Study and controller.
-        rpm : float
-            r/min.
-        quantity : str
-            With its unit.
-
-        Returns
-        -------
-        float
-            The value.
-
-        Raises
-        ------
-        KeyError
-            If there is none.
-        """
+        """One figure."""
         return self._values[name, controller, rpm, quantity]
 
     def unloaded(self, controller: str, quantity: str = "thd_pct") -> float:
-        """A figure at 150 r/min without load.
-
-        Parameters
-        ----------
-        controller, quantity : str
-            Which.
-
-        Returns
-        -------
-        float
-            The value.
-        """
+        """A figure at 150 r/min without load."""
         return self("no load", controller, study.LOW_SPEED, quantity)
 
     def over_speed(self, controller: str, quantity: str) -> np.ndarray:
-        """A figure at rated load at all speeds.
-
-        Parameters
-        ----------
-        controller, quantity : str
-            Which.
-
-        Returns
-        -------
-        ndarray of float64
-            In the order of `study.SPEEDS`.
-        """
+        """A figure at rated load at all speeds."""
         return np.array([self("rated load", controller, rpm, quantity) for rpm in study.SPEEDS])
 
 
@@ -506,18 +458,7 @@ def _sensorless_claims(f: Figures) -> list[Claim]:
 
 
 def claims(f: Figures) -> list[Claim]:
-    """Every claim of the paper that the figures decide.
-
-    Parameters
-    ----------
-    f : Figures
-        Of the study.
-
-    Returns
-    -------
-    list of Claim
-        In the order of the paper's sections.
-    """
+    """Every claim of the paper that the figures decide."""
     return [*_torque_claims(f), *_flux_claims(f), *_sensorless_claims(f)]
 
 
@@ -635,18 +576,7 @@ def _parameters(f: Figures) -> str:
 
 
 def texts(f: Figures) -> dict[str, str]:
-    """Every table of the page.
-
-    Parameters
-    ----------
-    f : Figures
-        Of the study.
-
-    Returns
-    -------
-    dict of str to str
-        Name of the marker -> table.
-    """
+    """Every table of the page."""
     return {
         "numbers": _numbers(f),
         "bands": _bands(f),
@@ -664,22 +594,7 @@ def _markers(name: str) -> tuple[str, str]:
 
 
 def write_texts(f: Figures, page: Path = PAGE, *, reported: bool = False) -> None:
-    """Rewrite the tables of the page, or of the report.
-
-    Parameters
-    ----------
-    f : Figures
-        Of the study.
-    page : Path
-        The page.
-    reported : bool
-        Whether it is that of the tables in `REPORTED`.
-
-    Raises
-    ------
-    MarkerError
-        If the page lacks the markers of a table.
-    """
+    """Rewrite the tables of the page, or of the report."""
     tables.rewrite(
         page,
         {_markers(n): text for n, text in texts(f).items() if (n in REPORTED) == reported},
@@ -1009,41 +924,12 @@ def _draw_steps(curves: study.Curves, path: Path) -> None:
 
 
 def stored(path: Path = CSV) -> Figures:
-    """Figures of the last run of the study.
-
-    Parameters
-    ----------
-    path : Path
-        CSV file.
-
-    Returns
-    -------
-    Figures
-        As stored.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    """
+    """Figures of the last run of the study."""
     return Figures(tables.read_csv(path))
 
 
 def regenerate(texts_only: bool = False) -> None:
-    """Run the study, store and draw what it finds, and write the page.
-
-    Parameters
-    ----------
-    texts_only : bool
-        Whether only the tables are written and their pictures drawn, from the stored figures.
-
-    Raises
-    ------
-    DriveFileError
-        If the drive file is not right.
-    MarkerError
-        If the page lacks the markers of a table.
-    """
+    """Run the study, store and draw what it finds, and write the page."""
     with terminable():
         if not texts_only:
             drive = load_mptc_drive(DRIVE)

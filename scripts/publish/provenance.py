@@ -141,18 +141,7 @@ APART: tuple[Callable[[], Iterable[Figure]], ...] = (
 
 
 def figures() -> list[Figure]:
-    """Figures that are measured by commands of their own.
-
-    Returns
-    -------
-    list of Figure
-        With the commits that are stored of them.
-
-    Raises
-    ------
-    OSError
-        If a file of figures is missing.
-    """
+    """Figures that are measured by commands of their own."""
     return [one for make in APART for one in make()]
 
 
@@ -183,23 +172,7 @@ UNKNOWN = "git does not have this commit (git fetch --unshallow)"
 
 
 def changes(one: Figure) -> list[str]:
-    """What a figure depends on and is not as when it was measured.
-
-    Parameters
-    ----------
-    one : Figure
-        The figure.
-
-    Returns
-    -------
-    list of str
-        Files of the project, and names of tools; `UNKNOWN` alone if git lacks the commit.
-
-    Raises
-    ------
-    ToolError
-        If there is no module of a name.
-    """
+    """What a figure depends on and is not as when it was measured."""
     commit = one.commit.removesuffix("-dirty")
     if not _has(commit):
         return [UNKNOWN]
@@ -212,25 +185,12 @@ def changes(one: Figure) -> list[str]:
 
 
 def commits() -> dict[str, str]:
-    """Commit of each figure, for metrics.json.
-
-    Returns
-    -------
-    dict of str
-        Name -> commit.
-    """
+    """Commit of each figure, for metrics.json."""
     return {one.name: one.commit for one in figures()}
 
 
 def put_commits(document: dict[str, Any]) -> None:
-    """Bring the commits in metrics.json up to date with what is stored.
-
-    Parameters
-    ----------
-    document : dict
-        What metrics.json holds. If a figure was measured anew, `sources` goes: the next report
-        says anew by whose sources the figures are.
-    """
+    """Bring the commits in metrics.json up to date with what is stored."""
     now = commits()
     if any(document["measured"].get(name) != commit for name, commit in now.items()):
         document.pop("sources", None)
@@ -238,23 +198,7 @@ def put_commits(document: dict[str, Any]) -> None:
 
 
 def old(say: Callable[[str], None]) -> list[str]:
-    """Tell of each figure whether it is by the sources of the tree.
-
-    Parameters
-    ----------
-    say : callable
-        Tells a line.
-
-    Returns
-    -------
-    list of str
-        Names of those that are not.
-
-    Raises
-    ------
-    ToolError
-        As of `changes`.
-    """
+    """Tell of each figure whether it is by the sources of the tree."""
     found = []
     for one in figures():
         changed = changes(one)

@@ -47,23 +47,7 @@ def _git(*arguments: str, root: Path = ROOT) -> str:
 
 
 def refuse_changes(root: Path = ROOT) -> str:
-    """Refuse a tree with files that are not as committed.
-
-    Parameters
-    ----------
-    root : Path
-        The repository.
-
-    Returns
-    -------
-    str
-        The commit.
-
-    Raises
-    ------
-    ToolError
-        If a file is changed, new or missing, with the first of them; or if there is no repository.
-    """
+    """Refuse a tree with files that are not as committed."""
     changed = _git("status", "--porcelain", root=root).splitlines()
     if changed:
         more = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
@@ -72,20 +56,7 @@ def refuse_changes(root: Path = ROOT) -> str:
 
 
 def refuse_changelog(text: str, version: str = VERSION) -> None:
-    """Refuse a changelog that is not that of the version.
-
-    Parameters
-    ----------
-    text : str
-        CHANGELOG.md.
-    version : str
-        The version.
-
-    Raises
-    ------
-    ToolError
-        If its newest dated section is not the version's, or something is left under Unreleased.
-    """
+    """Refuse a changelog that is not that of the version."""
     found = _DATED.search(text)
     if found is None or found["version"] != version:
         newest = f"the newest dated section is {found['version']}" if found else "none is dated"
@@ -98,13 +69,7 @@ def refuse_changelog(text: str, version: str = VERSION) -> None:
 
 
 def refuse_old_figures() -> None:
-    """Refuse published figures that are not of the tree's sources.
-
-    Raises
-    ------
-    ToolError
-        If a stage of the report, or a figure with a command of its own, is to be measured.
-    """
+    """Refuse published figures that are not of the tree's sources."""
     if old := report.state(lambda _: None):
         raise ToolError(
             f"{old} published figures are of other sources; `make report ARGS=--state` names them"
@@ -116,19 +81,7 @@ NEEDED = {"material": "make site", "distributed": "make cluster"}
 
 
 def refuse_red_tests(jobs: int) -> None:
-    """Run lint and every test, as `make lint` and `make test-all` do.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes.
-
-    Raises
-    ------
-    ToolError
-        If a package is missing without which tests are skipped, lint complains, a test fails or
-        none runs.
-    """
+    """Run lint and every test, as `make lint` and `make test-all` do."""
     for package, command in NEEDED.items():
         if importlib.util.find_spec(package) is None:
             raise ToolError(f"tests need the package {package}; `{command}` installs it")
@@ -166,20 +119,7 @@ def _tree(folder: Path, prefix: str) -> list[tuple[str, bytes]]:
 
 
 def wheel(out: Path, time: int) -> None:
-    """The library as a wheel, from what is committed, with the Verilog for its engine "rtl".
-
-    Parameters
-    ----------
-    out : Path
-        Folder for it.
-    time : int
-        Of the commit, s.
-
-    Raises
-    ------
-    ToolError
-        If the build fails.
-    """
+    """The library as a wheel, from what is committed, with the Verilog for its engine "rtl"."""
     with tempfile.TemporaryDirectory(prefix="release-") as name:
         work = Path(name)
         packed = subprocess.run(
@@ -202,35 +142,14 @@ def wheel(out: Path, time: int) -> None:
 
 
 def cores(out: Path, time: int) -> None:
-    """FuseSoC core files with the VHDL that they name.
-
-    Parameters
-    ----------
-    out : Path
-        Folder for the archive.
-    time : int
-        Of the commit, s.
-    """
+    """FuseSoC core files with the VHDL that they name."""
     name = f"directmpc-cores-{VERSION}"
     files = [(f"{name}/LICENSE", (ROOT / "LICENSE").read_bytes()), *_tree(ROOT / "rtl", name)]
     _archive(out / f"{name}.tar.gz", files, time)
 
 
 def netlists(out: Path, time: int) -> None:
-    """Checked Verilog of every public entity but the top of the boards.
-
-    Parameters
-    ----------
-    out : Path
-        Folder for the archive.
-    time : int
-        Of the commit, s.
-
-    Raises
-    ------
-    ToolError
-        If a netlist is refused.
-    """
+    """Checked Verilog of every public entity but the top of the boards."""
     name = f"directmpc-netlists-{VERSION}"
     with tempfile.TemporaryDirectory(prefix="release-") as work:
         verilog.write(Path(work))
@@ -239,20 +158,7 @@ def netlists(out: Path, time: int) -> None:
 
 
 def pages(out: Path, time: int) -> None:
-    """The documentation as a site.
-
-    Parameters
-    ----------
-    out : Path
-        Folder for the archive.
-    time : int
-        Of the commit, s.
-
-    Raises
-    ------
-    ToolError
-        If the site cannot be built.
-    """
+    """The documentation as a site."""
     with tempfile.TemporaryDirectory(prefix="release-") as work:
         built = Path(work) / "site"
         site.build(built)
@@ -261,38 +167,14 @@ def pages(out: Path, time: int) -> None:
 
 
 def published() -> list[tuple[Board, str, int]]:
-    """Bitstreams that docs/boards.md shows.
-
-    Returns
-    -------
-    list of (Board, str, int)
-        Board, controller, explorers.
-
-    Raises
-    ------
-    OSError
-        If none has been built.
-    """
+    """Bitstreams that docs/boards.md shows."""
     known = json.loads(kept.BITSTREAMS.read_text(encoding="utf-8"))
     # the kind of core that has no explorers says 0 of them
     return [(BOARDS[one["board"]], one["controller"], one["explorers"] or 1) for one in known]
 
 
 def vendor(out: Path, time: int) -> None:
-    """Netlists, constraints and projects of the boards that only vendors' tools serve.
-
-    Parameters
-    ----------
-    out : Path
-        Folder for the archive.
-    time : int
-        Of the commit, s.
-
-    Raises
-    ------
-    ToolError
-        If a tool fails.
-    """
+    """Netlists, constraints and projects of the boards that only vendors' tools serve."""
     name = f"directmpc-boards-{VERSION}"
     files = [(f"{name}/LICENSE", (ROOT / "LICENSE").read_bytes())]
     wanted = [
@@ -312,20 +194,7 @@ def vendor(out: Path, time: int) -> None:
 
 
 def bench(out: Path, time: int) -> None:
-    """States, ideal decisions and costs of the bench for the field.
-
-    Parameters
-    ----------
-    out : Path
-        Folder for the archive.
-    time : int
-        Of the commit, s.
-
-    Raises
-    ------
-    ToolError
-        If it cannot be made.
-    """
+    """States, ideal decisions and costs of the bench for the field."""
     name = f"directmpc-field-bench-{VERSION}"
     with tempfile.TemporaryDirectory(prefix="release-") as work:
         made = Path(work) / "bench"
@@ -334,20 +203,7 @@ def bench(out: Path, time: int) -> None:
 
 
 def bitstreams(out: Path, time: int) -> None:
-    """Every bitstream that is published.
-
-    Parameters
-    ----------
-    out : Path
-        Folder for them.
-    time : int
-        Of the commit, s; a bitstream holds none.
-
-    Raises
-    ------
-    ToolError
-        If a design does not fit or misses its clock.
-    """
+    """Every bitstream that is published."""
     del time
     for board, controller, explorers in published():
         _, bit = bitstream.build_all(board, controller, explorers, SEEDS)
@@ -367,18 +223,7 @@ PARTS: dict[str, Callable[[Path, int], None]] = {
 
 
 def sums(folder: Path) -> dict[str, str]:
-    """SHA-256 of the files in a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Its own files count, those of folders in it do not.
-
-    Returns
-    -------
-    dict of str
-        Name -> 64 hexadecimal digits, by name.
-    """
+    """SHA-256 of the files in a folder."""
     files = sorted(path for path in folder.iterdir() if path.is_file())
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
@@ -386,30 +231,7 @@ def sums(folder: Path) -> dict[str, str]:
 def build(
     out: Path, jobs: int, parts: Sequence[str], *, check: Callable[[int], None] = refuse_red_tests
 ) -> Path:
-    """Check the tree and write a release.
-
-    Parameters
-    ----------
-    out : Path
-        Folder of the release; it must not exist.
-    jobs : int
-        Processes of the tests.
-    parts : sequence of str
-        Names in ``PARTS``.
-    check : callable
-        Runs the tests with so many processes and raises where they are red.
-
-    Returns
-    -------
-    Path
-        `out`, with the parts, SHA256SUMS and release.json.
-
-    Raises
-    ------
-    ToolError
-        If the folder exists, the tree, the changelog, the figures or the tests refuse, or a part
-        fails; then nothing is left behind.
-    """
+    """Check the tree and write a release."""
     if out.exists():
         raise ToolError(f"{out}: it exists; remove it, or name another folder with --out")
     commit = refuse_changes()

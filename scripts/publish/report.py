@@ -183,13 +183,7 @@ def _wide_drive(drive: Drive) -> Drive:
 def _hardest_rows(
     drive: Drive, variant: str, keep: int, tries: int = 200_000
 ) -> tuple[IntArray, IntArray]:
-    """Random rows of 64 candidates that search longest: those with most candidates alive.
-
-    Returns
-    -------
-    measurements : (keep, 13)
-    s_prev : (keep, 3)
-    """
+    """Random rows of 64 candidates that search longest: those with most candidates alive."""
     values = VARIANTS[variant].registers(drive)
     register = values.array()
     bounds = drive.control
@@ -216,13 +210,7 @@ def _hardest_rows(
 
 
 def _forced_rows(drive: Drive, variant: str, keep: int) -> tuple[IntArray, IntArray]:
-    """Rows of a closed loop with s(k-1) forced to positions 2 to 5: 64 candidates each; some hold.
-
-    Returns
-    -------
-    measurements : (keep, 13)
-    s_prev : (keep, 3)
-    """
+    """Rows of a closed loop with s(k-1) forced to positions 2 to 5: 64 candidates each."""
     run = closed_loop.simulate(
         drive, ideal.decide, ideal.ideal_parameters(drive), OperatingPoint(), 20 * keep
     )
@@ -235,13 +223,7 @@ def _forced_rows(drive: Drive, variant: str, keep: int) -> tuple[IntArray, IntAr
 
 
 def _cycles(variant: str, say: Callable[[str], None]) -> dict[str, Any]:
-    """Worst, measured and hold cycles for every number of explorers, on the RTL.
-
-    Raises
-    ------
-    ReportError
-        If a decision differs from the model, or takes longer than the published bound.
-    """
+    """Worst, measured and hold cycles for every number of explorers, on the RTL."""
     base = states.shipped(DRIVES[0])
     wide = _wide_drive(base)
     corpus = []
@@ -382,24 +364,12 @@ class Placement:
 
     @property
     def name(self) -> str:
-        """Of its stage.
-
-        Returns
-        -------
-        str
-            In lower case: clock, entity and generics.
-        """
+        """Of its stage."""
         return f"clock-{tools.configuration_name(self.entity, self.generics)}".lower()
 
 
 def placements() -> list[Placement]:
-    """Configurations whose clock frequencies are published.
-
-    Returns
-    -------
-    list of Placement
-        Of `mpdcc_core`, its observer, then of the two-level entities.
-    """
+    """Configurations whose clock frequencies are published."""
     found = [
         Placement("mpdcc_core", _generics(variant, n), (DESIGNS[variant].key, "ecp5", str(n)))
         for variant in DESIGNS
@@ -552,23 +522,7 @@ def _measured(document: dict[str, Any], stages: Iterable[str]) -> str:
 
 
 def page_figures(document: dict[str, Any]) -> str:
-    """The table of docs/figures.md, from metrics.json and the budgets alone.
-
-    Parameters
-    ----------
-    document : dict[str, Any]
-        What metrics.json holds.
-
-    Returns
-    -------
-    str
-        Markdown: a sentence and the table.
-
-    Raises
-    ------
-    BudgetError
-        If the budgets lack a figure.
-    """
+    """The table of docs/figures.md, from metrics.json and the budgets alone."""
     index = EXPLORERS.index(SHOWN)
     worst = paper_a.CYCLES[SHOWN]
     labels = [
@@ -676,23 +630,7 @@ def _beside_pwm(equal: dict[str, Any]) -> str:
 
 
 def readme_figures(document: dict[str, Any]) -> str:
-    """The figures of README.md beside the papers', from metrics.json and the budgets alone.
-
-    Parameters
-    ----------
-    document : dict[str, Any]
-        What metrics.json holds.
-
-    Returns
-    -------
-    str
-        Markdown.
-
-    Raises
-    ------
-    BudgetError
-        If the budgets lack a figure.
-    """
+    """The figures of README.md beside the papers', from metrics.json and the budgets alone."""
     key = DESIGNS[DEFAULT_VARIANT].key
     name = tools.configuration_name("mpdcc_core", _generics(DEFAULT_VARIANT, SHOWN))
     area = budgets.load().resources[name]["xc3s"]
@@ -718,24 +656,7 @@ def readme_figures(document: dict[str, Any]) -> str:
 
 
 def write_tables(document: dict[str, Any], page: Path = PAGE, readme: Path = README) -> None:
-    """Rewrite what stands between the markers of docs/figures.md and README.md.
-
-    Parameters
-    ----------
-    document : dict[str, Any]
-        What metrics.json holds.
-    page : Path
-        The page of figures.
-    readme : Path
-        The first page.
-
-    Raises
-    ------
-    MarkerError
-        If a page lacks the markers.
-    BudgetError
-        If the budgets lack a figure.
-    """
+    """Rewrite what stands between the markers of docs/figures.md and README.md."""
     for path, table in ((page, page_figures(document)), (readme, readme_figures(document))):
         tables.rewrite(path, {(BEGIN, END): table})
 
@@ -748,16 +669,7 @@ def refresh_tables() -> None:
 
 
 def held_resources(figures: dict[str, Any], variant: str) -> None:
-    """Bring the resources of a variant up to date with the budgets, which tests hold.
-
-    Parameters
-    ----------
-    figures : dict[str, Any]
-        Of the variant, as in metrics.json. Clock frequencies stay; resources that no budget holds
-        are taken away.
-    variant : str
-        "fast" or "paper".
-    """
+    """Bring the resources of a variant up to date with the budgets, which tests hold."""
     held = budgets.load().resources
     for family in FAMILIES:
         for explorers, area in figures[family].items():
@@ -873,18 +785,7 @@ def _paper_b_pages() -> None:
 
 
 def studies(jobs: int) -> list[Stage]:
-    """Stages with pages of their own.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes of each.
-
-    Returns
-    -------
-    list of Stage
-        In the order in which they run, the longest last.
-    """
+    """Stages with pages of their own."""
     rtl, drives = _rtl("mpdcc_core"), _drives()
     noisy, noisy_page = _rows_and_page(
         lambda out: robustness.study(
@@ -983,27 +884,7 @@ def studies(jobs: int) -> list[Stage]:
 
 
 def stages_of(jobs: int, seeds: int, say: Callable[[str], None]) -> list[Stage]:
-    """Every stage of the report.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes of each.
-    seeds : int
-        Of placement.
-    say : callable
-        Tells a line.
-
-    Returns
-    -------
-    list of Stage
-        In the order in which they run.
-
-    Raises
-    ------
-    NetlistError, ToolError
-        If an entity that is placed cannot be converted: its netlist is part of the key.
-    """
+    """Every stage of the report."""
     drives, proven = _drives(), sorted((ROOT / "tb" / "proofs").glob("*.*"))
     found = [
         Stage("proofs", "formal proofs", _modules("measure.proofs"), keep_json(_proven(jobs)),
@@ -1082,14 +963,7 @@ def _merge(document: dict[str, Any], name: str, figures: Any) -> None:
 def _build(
     jobs: int, seeds: int, only: Collection[str], one_commit: bool, say: Callable[[str], None]
 ) -> None:
-    """Measure all stages, or those that are named, then write everything.
-
-    Raises
-    ------
-    ReportError
-        If a figure cannot be had, or sources changed meanwhile: figures would not belong together.
-        If all are to be of one commit, and the tree is none.
-    """
+    """Measure all stages, or those that are named, then write everything."""
     commit, dirty = tools.git_state()
     if one_commit and dirty:
         raise ReportError("files of the tree are not committed; figures would be of no commit")
@@ -1170,13 +1044,7 @@ def _old(every: Iterable[Stage], say: Callable[[str], None]) -> list[str]:
 
 
 def _write_sources(every: Iterable[Stage], say: Callable[[str], None]) -> None:
-    """Write into metrics.json and the pages which figures are by the sources of the tree.
-
-    Raises
-    ------
-    ReportError
-        If files of the tree are not committed.
-    """
+    """Write into metrics.json and the pages which figures are by the sources of the tree."""
     commit, dirty = tools.git_state()
     if dirty:
         raise ReportError("files of the tree are not committed; figures would be of no commit")
@@ -1190,18 +1058,7 @@ def _write_sources(every: Iterable[Stage], say: Callable[[str], None]) -> None:
 
 
 def state(say: Callable[[str], None]) -> int:
-    """Tell of each stage, and of figures with commands of their own, what is published of it.
-
-    Parameters
-    ----------
-    say : callable
-        Tells a line.
-
-    Returns
-    -------
-    int
-        Those that are not by the sources of the tree, as far as git knows.
-    """
+    """Tell of each stage, and of figures with commands of their own, what is published of it."""
     old = len(_old(stages_of(1, SEEDS, say), say))
     say(f"{old} of them to be measured" if old else "all are by the sources of the tree")
     return old
@@ -1217,35 +1074,7 @@ def regenerate(
     jobs: int, seeds: int, *, only: Collection[str] = (), tables_only: bool = False,
     resources_only: bool = False, sources_only: bool = False, one_commit: bool = False,
 ) -> None:  # fmt: skip
-    """Regenerate the reports, or only the tables that show them.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes at a time.
-    seeds : int
-        Seeds of placement.
-    only : collection of str
-        Stages that are measured and published; all of them if empty.
-    tables_only : bool
-        Whether only tables are written, from the files in reports/.
-    resources_only : bool
-        Whether only resources are written, from the budgets.
-    sources_only : bool
-        Whether only is written which figures are by the sources of the tree.
-    one_commit : bool
-        Whether what was measured at another commit is measured again, of the same sources too.
-
-    Raises
-    ------
-    ReportError
-        If a figure cannot be had, or sources changed meanwhile; with `one_commit` or `sources_only`
-        also if files are not committed.
-    UsageError
-        If there is no stage of a name.
-    MarkerError
-        If a page lacks the markers of a table.
-    """
+    """Regenerate the reports, or only the tables that show them."""
     say = progress.teller("report")
     if resources_only:
         with all_or_nothing():

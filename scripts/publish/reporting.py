@@ -13,20 +13,7 @@ class ReportError(ToolError):
 
 
 def run_script(name: str, *arguments: str) -> None:
-    """Run one of the commands; its progress goes to stderr.
-
-    Parameters
-    ----------
-    name : str
-        Of the command.
-    *arguments : str
-        Of the command.
-
-    Raises
-    ------
-    ReportError
-        If it fails; with the end of what it printed.
-    """
+    """Run one of the commands; its progress goes to stderr."""
     command = [sys.executable, "-m", "scripts", name, *arguments]
     done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode:

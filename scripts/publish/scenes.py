@@ -488,43 +488,14 @@ SCENES: dict[str, Callable[[], Scene]] = {
 
 
 def comments_of(entity: str) -> dict[str, str]:
-    """Comments beside the declarations of an entity's file.
-
-    Parameters
-    ----------
-    entity : str
-        Of the design.
-
-    Returns
-    -------
-    dict of str to str
-        Port or signal -> comment; empty where there is none.
-    """
+    """Comments beside the declarations of an entity's file."""
     text = sources.entities()[entity].read_text(encoding="utf-8")
     declared = re.findall(r"^ +(?:signal +)?(\w+) *:[^:=][^;]*?;?[ ]*(?:-- *(.*))?$", text, re.M)
     return {name: comment.strip() for name, comment in declared}
 
 
 def record(entity: str) -> tuple[Scene, recording.Recorded]:
-    """Run the scene of an entity.
-
-    Parameters
-    ----------
-    entity : str
-        One of `SCENES`.
-
-    Returns
-    -------
-    scene : Scene
-        What was run.
-    found : Recorded
-        Its signals in every clock, those before the first that is shown too.
-
-    Raises
-    ------
-    ToolError
-        If there is no GHDL, or it fails.
-    """
+    """Run the scene of an entity."""
     scene = SCENES[entity]()
     found = recording.record(
         scene.around or entity, scene.clocks, scene.generics, within=scene.within
@@ -533,25 +504,7 @@ def record(entity: str) -> tuple[Scene, recording.Recorded]:
 
 
 def picture(entity: str, comments: Mapping[str, str]) -> str:
-    """Record the scene of an entity and draw it.
-
-    Parameters
-    ----------
-    entity : str
-        One of `SCENES`.
-    comments : Mapping[str, str]
-        Port -> comment beside its declaration.
-
-    Returns
-    -------
-    str
-        SVG.
-
-    Raises
-    ------
-    ToolError
-        If there is no GHDL, or it fails.
-    """
+    """Record the scene of an entity and draw it."""
     scene, found = record(entity)
     said = comments_of(scene.inside) if scene.inside else comments
     rows = [waveforms.row(name, said[name], found.bits[name]) for name in scene.shown]

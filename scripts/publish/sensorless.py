@@ -36,13 +36,7 @@ GOALS = (15.0, 25.0, 0.5)
 
 
 class Figures:
-    """Figures of the study, as stored.
-
-    Parameters
-    ----------
-    rows : iterable of dict
-        study, case, rpm, load, quantity, value; text or numbers.
-    """
+    """Figures of the study, as stored."""
 
     def __init__(self, rows: Iterable[study.Row | dict[str, str]]) -> None:
         self._values = {
@@ -53,27 +47,7 @@ class Figures:
         }
 
     def __call__(self, name: str, case: str, rpm: float, load: float, quantity: str) -> float:
-        """One figure.
-
-        Parameters
-        ----------
-        name, case : str
-            Study and case.
-        rpm, load : float
-            r/min, N*m.
-        quantity : str
-            With its unit.
-
-        Returns
-        -------
-        float
-            The value; infinite where the drive was lost.
-
-        Raises
-        ------
-        KeyError
-            If there is none.
-        """
+        """One figure."""
         return self._values[name, case, rpm, load, quantity]
 
 
@@ -148,18 +122,7 @@ def _region(f: Figures, name: str) -> str:
 
 
 def texts(f: Figures) -> dict[str, str]:
-    """Every table of the page.
-
-    Parameters
-    ----------
-    f : Figures
-        Of the study.
-
-    Returns
-    -------
-    dict of str to str
-        Name of the marker -> table.
-    """
+    """Every table of the page."""
     exact, skewed = study.REGIONS
     return {
         "cases": _cases(f),
@@ -174,33 +137,12 @@ def _markers(name: str) -> tuple[str, str]:
 
 
 def write_texts(f: Figures, page: Path = PAGE) -> None:
-    """Rewrite the tables of the page.
-
-    Parameters
-    ----------
-    f : Figures
-        Of the study.
-    page : Path
-        The page.
-
-    Raises
-    ------
-    MarkerError
-        If the page lacks the markers of a table.
-    """
+    """Rewrite the tables of the page."""
     tables.rewrite(page, {_markers(name): text for name, text in texts(f).items()})
 
 
 def draw(drive: MptcDrive, curves: study.Curves) -> None:
-    """Draw the two pictures of the study.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Pole pairs.
-    curves : Curves
-        Of the study.
-    """
+    """Draw the two pictures of the study."""
     rpm, load = study.FAILING
     _draw(drive, curves, PICTURE, (
         ("start, no load (Fig. 23)", "start"), ("reversal, no load (Fig. 24)", "reversal"),
@@ -262,41 +204,12 @@ def _draw(
 
 
 def stored(path: Path = CSV) -> Figures:
-    """Figures of the last run of the study.
-
-    Parameters
-    ----------
-    path : Path
-        CSV file.
-
-    Returns
-    -------
-    Figures
-        As stored.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    """
+    """Figures of the last run of the study."""
     return Figures(tables.read_csv(path))
 
 
 def regenerate(texts_only: bool = False) -> None:
-    """Run the study, store and draw what it finds, and write the page; or write the page alone.
-
-    Parameters
-    ----------
-    texts_only : bool
-        Whether only the tables are written, from the stored figures.
-
-    Raises
-    ------
-    DriveFileError
-        If the drive file is not right.
-    MarkerError
-        If the page lacks the markers of a table.
-    """
+    """Run the study, store and draw what it finds, and write the page; or write the page alone."""
     with terminable():
         if not texts_only:
             drive = load_mptc_drive(DRIVE)

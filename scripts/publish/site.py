@@ -48,18 +48,7 @@ class SiteError(ToolError):
 
 
 def place(path: Path) -> str:
-    """Where a file of the repository stands in the site.
-
-    Parameters
-    ----------
-    path : Path
-        A file or a folder.
-
-    Returns
-    -------
-    str
-        Path of the page or the file, from the site's root.
-    """
+    """Where a file of the repository stands in the site."""
     if path in _MOVED:
         return _MOVED[path]
     if path.is_relative_to(DOCS):
@@ -70,27 +59,7 @@ def place(path: Path) -> str:
 
 
 def rewritten(text: str, path: Path, wanted: Callable[[Path], None]) -> str:
-    """A page with its links as they have to be in the site.
-
-    Parameters
-    ----------
-    text : str
-        Markdown.
-    path : Path
-        Where it stands in the repository, or would stand.
-    wanted : Callable[[Path], None]
-        Called with each file that it links to.
-
-    Returns
-    -------
-    str
-        Markdown.
-
-    Raises
-    ------
-    SiteError
-        If a link leads to a file that does not exist, or out of the repository.
-    """
+    """A page with its links as they have to be in the site."""
     here = Path(place(path)).parent
 
     def _link(found: re.Match[str]) -> str:
@@ -116,18 +85,7 @@ def rewritten(text: str, path: Path, wanted: Callable[[Path], None]) -> str:
 
 
 def source_page(path: Path) -> str:
-    """A page that shows a file of the repository, or lists the files of a folder.
-
-    Parameters
-    ----------
-    path : Path
-        A text file or a folder.
-
-    Returns
-    -------
-    str
-        Markdown; links are seen from the file's place in the repository.
-    """
+    """A page that shows a file of the repository, or lists the files of a folder."""
     head = ["---", "search:", "  exclude: true", "---", ""]
     title = path.relative_to(ROOT).as_posix()
     lines = [*head, f"# `{title}`", ""]
@@ -142,23 +100,7 @@ def source_page(path: Path) -> str:
 
 
 def groups(text: str) -> dict[str, list[str]]:
-    """Groups of docs/README.md and their pages, in its order.
-
-    Parameters
-    ----------
-    text : str
-        Of the page: a heading of the second level for each group, with a table of pages.
-
-    Returns
-    -------
-    dict[str, list[str]]
-        Heading -> file of each page.
-
-    Raises
-    ------
-    SiteError
-        If a group has no page.
-    """
+    """Groups of docs/README.md and their pages, in its order."""
     found: dict[str, list[str]] = {}
     for part in re.split(r"^## ", text, flags=re.M)[1:]:
         heading, _, below = part.partition("\n")
@@ -170,18 +112,7 @@ def groups(text: str) -> dict[str, list[str]]:
 
 
 def navigation() -> list[str | dict[str, list[str]]]:
-    """What the site's navigation holds, as mkdocs.yml would have it; titles are the pages' own.
-
-    Returns
-    -------
-    list[str | dict[str, list[str]]]
-        The first page, then groups with their pages.
-
-    Raises
-    ------
-    SiteError
-        If docs/README.md has a group without pages.
-    """
+    """What the site's navigation holds, as mkdocs.yml would have it; titles are the pages' own."""
     listed = groups((DOCS / "README.md").read_text(encoding="utf-8"))
     entities = [f"entities/{entity}.md" for entity in entity_pages.PUBLIC]
     return [
@@ -193,25 +124,7 @@ def navigation() -> list[str | dict[str, list[str]]]:
 
 
 def stage(folder: Path) -> int:
-    """Write every page of the site in Markdown, and mkdocs.yml with the navigation.
-
-    Parameters
-    ----------
-    folder : Path
-        Where to; it is emptied first.
-
-    Returns
-    -------
-    int
-        Number of files.
-
-    Raises
-    ------
-    SiteError
-        If a link leads nowhere.
-    ToolError
-        If an entity lacks a comment.
-    """
+    """Write every page of the site in Markdown, and mkdocs.yml with the navigation."""
     shutil.rmtree(folder, ignore_errors=True)
     held = budgets.load()
     made = {ENTITIES / f"{e}.md": entity_pages.page(e, held, ENTITIES / f"{e}.md")
@@ -261,27 +174,7 @@ def _time() -> str:
 
 
 def build(out: Path = SITE, pages: Path | None = None) -> int:
-    """Build the site, all of it or nothing.
-
-    Parameters
-    ----------
-    out : Path
-        Folder of the site; what stood there is replaced.
-    pages : Path | None
-        Folder for the pages in Markdown; `PAGES` if None.
-
-    Returns
-    -------
-    int
-        Number of pages and pictures that it was made of.
-
-    Raises
-    ------
-    SiteError
-        If a link leads nowhere, or MkDocs is missing or has a warning.
-    ToolError
-        If an entity lacks a comment.
-    """
+    """Build the site, all of it or nothing."""
     if out.exists() and not (out / "sitemap.xml").exists() and any(out.iterdir()):
         raise SiteError(f"{out}: is no site; an empty or a new folder is needed")
     pages = PAGES if pages is None else pages

@@ -64,18 +64,7 @@ class Stage:
     publish: Callable[[], None] | None = None
 
     def key(self) -> str:
-        """What the stage's results are kept by.
-
-        Returns
-        -------
-        str
-            Sixteen hexadecimal digits.
-
-        Raises
-        ------
-        ToolError
-            If there is no module of a name.
-        """
+        """What the stage's results are kept by."""
         requirements = ROOT / "requirements.txt"
         return cache.key(self.modules, requirements, *self.data)
 
@@ -104,13 +93,7 @@ def _put_back(before: dict[Path, bytes], folders: Iterable[Path]) -> None:
 
 @contextmanager
 def all_or_nothing(folders: Iterable[Path] = (REPORTS, *PAGES)) -> Iterator[None]:
-    """Put published files back where the block fails.
-
-    Parameters
-    ----------
-    folders : iterable of Path
-        Files, and folders whose files are meant.
-    """
+    """Put published files back where the block fails."""
     folders = tuple(folders)
     before = _watched(folders)
     try:
@@ -123,21 +106,7 @@ def all_or_nothing(folders: Iterable[Path] = (REPORTS, *PAGES)) -> Iterator[None
 def in_place(
     run: Callable[[], object], folders: Iterable[Path] = (REPORTS, *PAGES)
 ) -> Callable[[Path], None]:
-    """A command that writes into reports/ and pages, as the work of a stage.
-
-    Parameters
-    ----------
-    run : callable
-        The command.
-    folders : iterable of Path
-        What it writes to, the folder of reports first.
-
-    Returns
-    -------
-    callable
-        Runs it, moves what it wrote into reports/ to the folder that it is given, the same as
-        before or not, but for metrics.json, and puts everything back.
-    """
+    """A command that writes into reports/ and pages, as the work of a stage."""
     reports, *_ = folders = tuple(folders)
 
     def _run(work: Path) -> None:
@@ -164,31 +133,7 @@ def result(
     *,
     commit: str | None = None,
 ) -> Path:
-    """Results of a stage; it is run if there are none of its key.
-
-    Parameters
-    ----------
-    stage : Stage
-        The stage.
-    say : callable
-        Tells a line.
-    folder : Path
-        Of all stages.
-    reports : Path
-        Where results may have been published.
-    commit : str, optional
-        Results of another commit do not count.
-
-    Returns
-    -------
-    Path
-        Folder of its files.
-
-    Raises
-    ------
-    ToolError
-        If it cannot be measured.
-    """
+    """Results of a stage; it is run if there are none of its key."""
     name = f"{stage.name}-{stage.key()}"
     done, work = folder / name, folder / f".{name}"
     if done.is_dir() and commit not in (None, _commit_of(done)):
@@ -212,37 +157,13 @@ def result(
 
 
 def recorded(reports: Path = REPORTS) -> dict[str, Any]:
-    """What is known of the published stages.
-
-    Parameters
-    ----------
-    reports : Path
-        Where they are published.
-
-    Returns
-    -------
-    dict
-        By name: key, commit, figures (None where a stage keeps none), files with their digests.
-    """
+    """What is known of the published stages."""
     path = reports / RECORD
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
 
 def record(results: dict[str, Path], reports: Path = REPORTS) -> dict[str, Any]:
-    """Write down which results are published, after `copy`.
-
-    Parameters
-    ----------
-    results : dict of str to Path
-        Folder of each stage, as `result` gives it.
-    reports : Path
-        Where they are published; what is known of other stages stays.
-
-    Returns
-    -------
-    dict
-        As `recorded`.
-    """
+    """Write down which results are published, after `copy`."""
     known = recorded(reports)
     for name, done in results.items():
         known[name] = {
@@ -256,20 +177,7 @@ def record(results: dict[str, Path], reports: Path = REPORTS) -> dict[str, Any]:
 
 
 def is_current(stage: Stage, reports: Path = REPORTS) -> bool:
-    """Whether what is published of a stage is by the sources of the tree.
-
-    Parameters
-    ----------
-    stage : Stage
-        The stage.
-    reports : Path
-        Where it is published.
-
-    Returns
-    -------
-    bool
-        False too if one of its files is not as it was published.
-    """
+    """Whether what is published of a stage is by the sources of the tree."""
     known = recorded(reports).get(stage.name, {})
     return known.get("key") == stage.key() and all(
         (reports / name).exists() and _digest(reports / name) == digest
@@ -311,15 +219,7 @@ def _published(done: Path) -> list[Path]:
 
 
 def copy(results: Iterable[Path], reports: Path = REPORTS) -> None:
-    """Publish files of stages.
-
-    Parameters
-    ----------
-    results : iterable of Path
-        Their folders.
-    reports : Path
-        Where to.
-    """
+    """Publish files of stages."""
     for folder in results:
         for path in _published(folder):
             with tools.replacing(reports / path.name) as temporary:
@@ -327,18 +227,7 @@ def copy(results: Iterable[Path], reports: Path = REPORTS) -> None:
 
 
 def keep_json(run: Callable[[Path], Any]) -> Callable[[Path], None]:
-    """Work of a stage that keeps figures beside its files.
-
-    Parameters
-    ----------
-    run : callable
-        Gets the folder, may write files into it, returns what JSON can hold.
-
-    Returns
-    -------
-    callable
-        Writes that into the folder, for `figures`.
-    """
+    """Work of a stage that keeps figures beside its files."""
 
     def _run(work: Path) -> None:
         tools.write(work / _FIGURES, json.dumps(run(work)))
@@ -347,32 +236,10 @@ def keep_json(run: Callable[[Path], Any]) -> Callable[[Path], None]:
 
 
 def has_figures(done: Path) -> bool:
-    """Whether a stage keeps figures.
-
-    Parameters
-    ----------
-    done : Path
-        Folder of its results.
-
-    Returns
-    -------
-    bool
-        See `keep_json`.
-    """
+    """Whether a stage keeps figures."""
     return (done / _FIGURES).exists()
 
 
 def figures(done: Path) -> Any:
-    """Figures of a stage that keeps some.
-
-    Parameters
-    ----------
-    done : Path
-        Folder of its results.
-
-    Returns
-    -------
-    Any
-        As `keep_json` got them.
-    """
+    """Figures of a stage that keeps some."""
     return json.loads((done / _FIGURES).read_text(encoding="utf-8"))

@@ -18,17 +18,7 @@ Section = dict[str, Any]
 
 
 def put(section: Section, path: Iterable[object], figures: Mapping[str, Any]) -> None:
-    """Put figures where a path of keys leads.
-
-    Parameters
-    ----------
-    section : dict
-        Changed.
-    path : iterable
-        Keys; made texts.
-    figures : mapping
-        What is put there, beside what is there.
-    """
+    """Put figures where a path of keys leads."""
     inner = section
     for key in map(str, path):
         inner = inner.setdefault(key, {})
@@ -36,29 +26,7 @@ def put(section: Section, path: Iterable[object], figures: Mapping[str, Any]) ->
 
 
 def of_rows(path: Path, keys: Sequence[str], without: Sequence[str] = ()) -> Section:
-    """Means of the columns of a CSV file, by its other columns.
-
-    Parameters
-    ----------
-    path : Path
-        The file; lines that begin with # are left out.
-    keys : sequence of str
-        Columns that name a figure, the outermost first.
-    without : sequence of str
-        Columns over which the mean is taken.
-
-    Returns
-    -------
-    dict
-        Nested by the keys. A column without a number in any row of a place is not there.
-
-    Raises
-    ------
-    OSError
-        If there is no file.
-    KeyError
-        If it lacks a column.
-    """
+    """Means of the columns of a CSV file, by its other columns."""
     found: dict[tuple[str, ...], dict[str, list[float]]] = {}
     for row in tables.read_csv(path):
         place = tuple(row[key] for key in keys)
@@ -83,20 +51,7 @@ def _json(path: Path) -> Any:
 
 
 def of_accuracy(reports: Path) -> Section:
-    """Decisions and loops beside the ideal controller's: what each approximation costs, each point.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the files.
-
-    Returns
-    -------
-    dict
-        `whole` as of fidelity.json; `budget` by group and setting; `decisions` by drive, bound,
-        speed, variant and driver; `loops` and `straight_line` by drive, bound, speed, controller;
-        `lengths` of the straight line by drive, setting and bound.
-    """
+    """What each approximation costs in each point, beside the ideal controller."""
     point = ("drive", "bound_current_pu", "omega_s_pu")
     return {
         "whole": _json(reports / "fidelity.json"),
@@ -109,18 +64,7 @@ def of_accuracy(reports: Path) -> Section:
 
 
 def of_field_bench(reports: Path) -> Section:
-    """Scores on the states of the bench for the field.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the file.
-
-    Returns
-    -------
-    dict
-        `models` and `rtl`, by set and implementation.
-    """
+    """Scores on the states of the bench for the field."""
     section: Section = {}
     known = _json(reports / "field_bench.json")
     for kind in ("models", "rtl"):
@@ -131,18 +75,7 @@ def of_field_bench(reports: Path) -> Section:
 
 
 def of_torture(reports: Path) -> Section:
-    """Decisions that a second program checked.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the file.
-
-    Returns
-    -------
-    dict
-        `commit`; by controller `kinds` and `counts`.
-    """
+    """Decisions that a second program checked."""
     known = _json(reports / "torture.json")
     section: Section = {"commit": known["commit"]}
     for name, one in known.items():

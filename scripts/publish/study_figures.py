@@ -62,40 +62,12 @@ def _change(chosen: Any, base: Any, name: str) -> float:
 
 
 def label(rule: str, gain: float) -> str:
-    """Rule and filters as the tables of the page name them.
-
-    Parameters
-    ----------
-    rule : str
-        As of `robustness.REMEDIES`.
-    gain : float
-        As of `robustness.REMEDIES`.
-
-    Returns
-    -------
-    str
-        Such as "inwards, filters 1/16".
-    """
+    """Rule and filters as the tables of the page name them."""
     return f"{rule}, filters 1/{round(1 / gain)}" if gain < 1 else rule
 
 
 def remedy(noise: float, rule: str, gain: float) -> str:
-    """Noise and what is done about it, as a key.
-
-    Parameters
-    ----------
-    noise : float
-        As of `robustness.REMEDIES`.
-    rule : str
-        As of `robustness.REMEDIES`.
-    gain : float
-        As of `robustness.REMEDIES`.
-
-    Returns
-    -------
-    str
-        Such as "noise 1, inwards, filters 1/16".
-    """
+    """Noise and what is done about it, as a key."""
     return f"noise {noise:g}, {label(rule, gain)}"
 
 
@@ -116,18 +88,7 @@ def _compared(chosen: Any, base: Any) -> dict[str, float]:
 
 
 def shipped(found: Mapping[robustness.Setting, Any]) -> Section:
-    """What noise and remedies change on the shipped drives.
-
-    Parameters
-    ----------
-    found : mapping
-        As of `robustness.read`.
-
-    Returns
-    -------
-    dict
-        Figures by drive, bound, noise and remedy, horizon and speed.
-    """
+    """What noise and remedies change on the shipped drives."""
     section: Section = {}
     places = itertools.product(robustness.DRIVES, robustness.BOUNDS, _points())
     for drive, bound, (kind, speed) in places:
@@ -243,19 +204,7 @@ def _two_level(found: Mapping[mptc_robustness.Setting, Any]) -> Section:
 
 
 def of_robustness(reports: Path = REPORTS) -> Section:
-    """Noise and wrong parameters, of five-level and two-level drives.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the files.
-
-    Returns
-    -------
-    dict
-        `shipped`, `random`, `mismatch`, `two_level`, `decisions` and `random_decisions`, as
-        docs/robustness.md has them.
-    """
+    """Noise and wrong parameters, of five-level and two-level drives."""
     found = robustness.read(reports / robustness.REPORT.name)
     two_level = mptc_robustness.read(reports / mptc_robustness.REPORT.name)
     return {
@@ -274,19 +223,7 @@ def of_robustness(reports: Path = REPORTS) -> Section:
 
 
 def of_pwm(reports: Path = REPORTS) -> Section:
-    """MPDCC beside pulse-width modulation at equal switching frequency.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the file.
-
-    Returns
-    -------
-    dict
-        `equal`, `ideal`, `balance` by drive, speed, and pulses of PWM or bound of the currents;
-        `excess` over the bounds of the capacitors by speed.
-    """
+    """MPDCC beside pulse-width modulation at equal switching frequency."""
     found = stored_rows.read(reports / pwm.REPORT.name, pwm.Setting, pwm.FIGURES)
     section: Section = {}
     for drive, speed in itertools.product(pwm.DRIVES, pwm.SPEEDS):
@@ -349,19 +286,7 @@ def of_pwm(reports: Path = REPORTS) -> Section:
 
 
 def of_bounds(reports: Path = REPORTS) -> Section:
-    """Differences from the ideal controller over the bound of the currents, and capacitors.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the file.
-
-    Returns
-    -------
-    dict
-        `ideal`, `paper` and `fast` by bound; `largest` by variant; `capacitors` by controller and
-        deadlock rule.
-    """
+    """Differences from the ideal controller over the bound of the currents, and capacitors."""
     found = bounds.read(reports / bounds.REPORT.name)
 
     def _of(controller: str, rule: str) -> list[dict[str, Any]]:
@@ -398,18 +323,7 @@ def of_bounds(reports: Path = REPORTS) -> Section:
 
 
 def of_lengths(reports: Path = REPORTS) -> Section:
-    """Errors of predicted lengths.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the file.
-
-    Returns
-    -------
-    dict
-        By variant.
-    """
+    """Errors of predicted lengths."""
     found = lengths.read(reports / lengths.REPORT.name)
     section: Section = {}
     for name in lengths.VARIANTS:
@@ -431,19 +345,7 @@ EXCESS = ("excess_current", "excess_vn", "excess_vph")
 
 
 def of_deadlocks(reports: Path = REPORTS) -> Section:
-    """Rules for deadlocks, and what happens in one.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the files.
-
-    Returns
-    -------
-    dict
-        `low` and `high` speeds by rule and horizon; `points` by horizon, speed, bound and rule,
-        with 95 % intervals; `steps` by horizon, speed and bound.
-    """
+    """Rules for deadlocks, and what happens in one."""
     found = tables.numbers(tables.read_csv(reports / "deadlocks.csv"), ["case", "horizon"])
     steps = tables.numbers(tables.read_csv(reports / "deadlock_steps.csv"), ["horizon"])
     section: Section = {}
@@ -496,18 +398,7 @@ def of_deadlocks(reports: Path = REPORTS) -> Section:
 
 
 def of_sensorless(reports: Path = REPORTS) -> Section:
-    """Drives without a speed sensor.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the file.
-
-    Returns
-    -------
-    dict
-        By study, case, speed and load; None where the drive was lost.
-    """
+    """Drives without a speed sensor."""
     section: Section = {}
     for row in tables.read_csv(reports / "sensorless.csv"):
         place = (f"{float(row['rpm']):g} r/min", f"{float(row['load']):g} N m")
@@ -524,18 +415,7 @@ RESOURCES = {"lut": "TRELLIS_COMB", "ff": "TRELLIS_FF", "dsp": "MULT18X18D", "br
 
 
 def of_boards(reports: Path = REPORTS) -> Section:
-    """Bitstreams of boards.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the file.
-
-    Returns
-    -------
-    dict
-        By board and build; what a build has none of is 0.
-    """
+    """Bitstreams of boards."""
     section: Section = {}
     for found in json.loads((reports / "bitstreams.json").read_text(encoding="utf-8")):
         used = {key: found["used"].get(kind, (0, 0))[0] for key, kind in RESOURCES.items()}
@@ -545,18 +425,7 @@ def of_boards(reports: Path = REPORTS) -> Section:
 
 
 def of_capacitor_bounds(reports: Path = REPORTS) -> Section:
-    """Switching frequency and excess with other bounds of the capacitors.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the file.
-
-    Returns
-    -------
-    dict
-        By drive, horizon, bounds of v_n and v_ph, noise and speed.
-    """
+    """Switching frequency and excess with other bounds of the capacitors."""
     found = capacitor_bounds.read(reports / capacitor_bounds.REPORT.name)
     section: Section = {}
     for drive, scheme, (neutral, phase), noise, speed in itertools.product(
@@ -575,18 +444,7 @@ def of_capacitor_bounds(reports: Path = REPORTS) -> Section:
 
 
 def of_newcomer(reports: Path = REPORTS) -> Section:
-    """First steps on a bare machine.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the file.
-
-    Returns
-    -------
-    dict
-        `cores`, and `seconds` by step.
-    """
+    """First steps on a bare machine."""
     found = json.loads((reports / newcomer.TIMES.name).read_text(encoding="utf-8"))
     return {"cores": found["cores"], "seconds": found["seconds"]}
 
@@ -607,16 +465,5 @@ SECTIONS: dict[str, Callable[[Path], Section]] = {
 
 
 def sections(reports: Path = REPORTS) -> Section:
-    """All sections, as metrics.json has them.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the files.
-
-    Returns
-    -------
-    dict
-        By name.
-    """
+    """All sections, as metrics.json has them."""
     return {name: _rounded(make(reports)) for name, make in SECTIONS.items()}

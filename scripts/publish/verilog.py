@@ -14,25 +14,7 @@ ENTITIES = tuple(entity for entity in PUBLIC if entity != "board_top")
 
 
 def write(folder: Path, entities: Sequence[str] = ENTITIES) -> dict[Path, str]:
-    """Convert entities with their default generics and check them.
-
-    Parameters
-    ----------
-    folder : Path
-        Where `ENTITY.v` goes, each when it is checked.
-    entities : Sequence[str]
-        Of `ENTITIES`; all of them unless given.
-
-    Returns
-    -------
-    dict[Path, str]
-        File -> what the comparison with the VHDL says.
-
-    Raises
-    ------
-    ToolError
-        If a netlist is refused, or a tool is missing or fails.
-    """
+    """Convert entities with their default generics and check them."""
     found = {}
     with progress.counter("netlists", len(entities)) as advance:
         for entity in entities:

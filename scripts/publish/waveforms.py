@@ -49,23 +49,7 @@ class Row:
 
 
 def row(name: str, comment: str, bits: int) -> Row:
-    """How a port is shown, from its comment.
-
-    Parameters
-    ----------
-    name : str
-        Of the port.
-    comment : str
-        Beside its declaration: words between commas, "signed" or "unsigned" and a unit among them.
-    bits : int
-        Its width; 1 for a bit.
-
-    Returns
-    -------
-    Row
-        Signed or unsigned if the comment says so, or if it names a range of numbers; else
-        hexadecimal.
-    """
+    """How a port is shown, from its comment."""
     words = [word.strip() for word in re.split("[,;]", comment)]
     units = [word for word in words if _UNITS.match(word)]
     if bits == 1:
@@ -77,20 +61,7 @@ def row(name: str, comment: str, bits: int) -> Row:
 
 
 def shown(one: Row, value: int | None) -> str:
-    """A value as it stands in the picture.
-
-    Parameters
-    ----------
-    one : Row
-        Its signal.
-    value : int | None
-        As recorded; None where a bit is undefined.
-
-    Returns
-    -------
-    str
-        Decimal or hexadecimal, "x" if undefined.
-    """
+    """A value as it stands in the picture."""
     if value is None:
         return "x"
     if one.form == "hex":
@@ -99,18 +70,7 @@ def shown(one: Row, value: int | None) -> str:
 
 
 def columns(values: Sequence[Sequence[int | None]]) -> list[tuple[int, int]]:
-    """Which clocks are drawn.
-
-    Parameters
-    ----------
-    values : Sequence[Sequence[int | None]]
-        Of each signal that is shown, in each clock.
-
-    Returns
-    -------
-    list[tuple[int, int]]
-        First and last clock of each column; they differ where clocks are left out.
-    """
+    """Which clocks are drawn."""
     clocks = list(zip(*values, strict=True))
     found: list[tuple[int, int]] = []
     first = 0
@@ -127,22 +87,7 @@ def columns(values: Sequence[Sequence[int | None]]) -> list[tuple[int, int]]:
 
 
 def svg(title: str, rows: Sequence[Row], values: Values) -> str:
-    """A waveform.
-
-    Parameters
-    ----------
-    title : str
-        What is shown.
-    rows : Sequence[Row]
-        Signals from top to bottom.
-    values : Values
-        As recorded.
-
-    Returns
-    -------
-    str
-        SVG. Each value has a title with its signal and its clocks.
-    """
+    """A waveform."""
     drawn = columns([values[one.name] for one in rows])
     singles = [
         shown(one, values[one.name][first])

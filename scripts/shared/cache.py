@@ -38,25 +38,7 @@ def _with_packages(module: str) -> Iterable[str]:
 
 
 def closure(*modules: str, packages: tuple[str, ...] = PACKAGES) -> list[Path]:
-    """Files of modules and of all that they import, directly or not, within the packages.
-
-    Parameters
-    ----------
-    *modules : str
-        Full names, with dots.
-    packages : tuple[str, ...]
-        Top packages; what lies elsewhere is pinned by requirements.txt.
-
-    Returns
-    -------
-    list[Path]
-        The files, sorted; the packages around a module are among them.
-
-    Raises
-    ------
-    ToolError
-        If there is no module of that name.
-    """
+    """Files of modules and of all that they import, directly or not, within the packages."""
     graph = _graph(packages)
     found: set[str] = set()
     for module in modules:
@@ -90,25 +72,7 @@ def _is_text(node: ast.stmt) -> bool:
 
 
 def meaning(path: Path) -> bytes:
-    """What of a file a result may depend on.
-
-    Parameters
-    ----------
-    path : Path
-        Any file; comments, docstrings and blanks of Python and VHDL are left out.
-
-    Returns
-    -------
-    bytes
-        The rest.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    SyntaxError
-        If it is Python that does not parse.
-    """
+    """What of a file a result may depend on."""
     if path.suffix == ".py":
         return _without_docstrings(path.read_text(encoding="utf-8")).encode()
     if path.suffix == ".vhd":
@@ -122,29 +86,7 @@ def key(
     *data: str | Path,
     packages: tuple[str, ...] = PACKAGES,
 ) -> str:
-    """Sixteen digits that change with the modules' closure, with files of data and with words.
-
-    Parameters
-    ----------
-    modules : Iterable[str]
-        Modules that make the result.
-    *data : str | Path
-        Files by their content; words, versions for instance, as they are.
-    packages : tuple[str, ...]
-        As of `closure`.
-
-    Returns
-    -------
-    str
-        The digits, hexadecimal.
-
-    Raises
-    ------
-    ToolError
-        If there is no module of that name.
-    OSError
-        If a file cannot be read.
-    """
+    """Sixteen digits that change with the modules' closure, with files of data and with words."""
     parts: list[str | bytes] = []
     for one in (*closure(*modules, packages=packages), *data):
         if isinstance(one, Path):
@@ -160,25 +102,7 @@ def _place(path: Path) -> str:
 
 
 def kept(path: Path, compute: Callable[[], Any]) -> Any:
-    """What a JSON file holds; if there is none, what is computed, then written.
-
-    Parameters
-    ----------
-    path : Path
-        The JSON file; it is written if there is none.
-    compute : Callable[[], Any]
-        Makes the value, of what JSON can hold; called only if there is no file.
-
-    Returns
-    -------
-    Any
-        The value as the file has it.
-
-    Raises
-    ------
-    json.JSONDecodeError
-        If the file is no JSON.
-    """
+    """What a JSON file holds; if there is none, what is computed, then written."""
     if not path.exists():
         tools.write(path, json.dumps(compute()))
     return json.loads(path.read_text(encoding="utf-8"))

@@ -19,23 +19,7 @@ from scripts.shared.tools import BUILD, ToolError
 
 
 def described(file: Path) -> str:
-    """Docstring of a Python file, read from the file itself.
-
-    Parameters
-    ----------
-    file : Path
-        The file.
-
-    Returns
-    -------
-    str
-        Empty if it has none.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    """
+    """Docstring of a Python file, read from the file itself."""
     return ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
 
 
@@ -90,23 +74,7 @@ class Command:
     formats: Mapping[str, str] = field(default_factory=dict)
 
     def main(self, arguments: Sequence[str] | None = None) -> int:
-        """Read the arguments, do it, and report what goes wrong; returns the exit code.
-
-        Parameters
-        ----------
-        arguments : Sequence[str] | None
-            Of the command line; the program's own if None.
-
-        Returns
-        -------
-        int
-            Exit code: 0, what `run` returned, `failed`, 2 for wrong input, or 130 if interrupted.
-
-        Raises
-        ------
-        SystemExit
-            With 2 where an argument is wrong, with 0 after --help.
-        """
+        """Read the arguments, do it, and report what goes wrong; returns the exit code."""
         return reported(self.name, lambda: self._main(arguments))
 
     def _main(self, arguments: Sequence[str] | None) -> int:

@@ -17,29 +17,12 @@ STYLE = {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False}
 
 
 def drive_title(base_voltage: float) -> str:
-    """A drive as titles name it.
-
-    Parameters
-    ----------
-    base_voltage : float
-        Of the per-unit system, V: the peak of the rated phase voltage.
-
-    Returns
-    -------
-    str
-        "6 kV drive": the rms voltage between phases.
-    """
+    """A drive as titles name it."""
     return f"{math.sqrt(1.5) * base_voltage / 1e3:.3g} kV drive"
 
 
 def pyplot() -> Any:
-    """matplotlib's pyplot in the style of all pictures, drawing into memory.
-
-    Returns
-    -------
-    module
-        `matplotlib.pyplot`; nothing opens a window.
-    """
+    """matplotlib's pyplot in the style of all pictures, drawing into memory."""
     import matplotlib  # here, not above: who draws nothing starts without it
 
     matplotlib.use("Agg")
@@ -50,64 +33,24 @@ def pyplot() -> Any:
 
 
 def in_si(axis: Any, factor: float, label: str) -> None:
-    """Show the ordinates in SI units as well, at the right-hand side.
-
-    Parameters
-    ----------
-    axis : Any
-        matplotlib's axes, per unit.
-    factor : float
-        SI units in one of them.
-    label : str
-        Of the second axis.
-    """
+    """Show the ordinates in SI units as well, at the right-hand side."""
     other = axis.secondary_yaxis("right", functions=(lambda y: y * factor, lambda y: y / factor))
     other.set_ylabel(label)
     other.spines["right"].set_visible(True)
 
 
 def counted(number: int, word: str) -> str:
-    """A number with its noun.
-
-    Parameters
-    ----------
-    number : int
-        How many.
-    word : str
-        Of one.
-
-    Returns
-    -------
-    str
-        "1 deadlock", "2 deadlocks".
-    """
+    """A number with its noun."""
     return f"{number} {word}{'' if number == 1 else 's'}"
 
 
 def from_zero(axis: Any) -> None:
-    """Let an axis of ordinates begin at zero, with room above what it shows.
-
-    Parameters
-    ----------
-    axis : Any
-        matplotlib's axes, with all that is drawn in it.
-    """
+    """Let an axis of ordinates begin at zero, with room above what it shows."""
     axis.set_ylim(0.0, 1.07 * axis.dataLim.y1)
 
 
 def save_png(figure: Any, path: Path, true_colour: bool = False) -> None:
-    """Save a matplotlib figure as a PNG, whole or not at all.
-
-    Parameters
-    ----------
-    figure : Any
-        What is drawn.
-    path : Path
-        The file.
-    true_colour : bool
-        Whether every colour is kept. Otherwise the file has a palette of 128 colours and a third
-        of the size.
-    """
+    """Save a matplotlib figure as a PNG, whole or not at all."""
     if true_colour:
         with tools.replacing(path) as temporary:
             figure.savefig(temporary, format="png", dpi=110)

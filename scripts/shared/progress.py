@@ -18,20 +18,7 @@ __all__ = ["busy", "counter", "teller"]
 
 @contextmanager
 def counter(text: str, total: int) -> Iterator[Callable[[], None]]:
-    """Yield a function that counts one more as done; threads may call it.
-
-    Parameters
-    ----------
-    text : str
-        What is under way.
-    total : int
-        How many there are; nothing is shown if there are none.
-
-    Yields
-    ------
-    Callable[[], None]
-        Counts one more each time it is called.
-    """
+    """Yield a function that counts one more as done; threads may call it."""
     if total == 0:
         yield lambda: None
         return
@@ -48,18 +35,7 @@ def counter(text: str, total: int) -> Iterator[Callable[[], None]]:
 
 
 def teller(name: str) -> Callable[[str], None]:
-    """A function that prints a line with the time since now; lines begin with the name.
-
-    Parameters
-    ----------
-    name : str
-        Of the command; each line begins with it.
-
-    Returns
-    -------
-    Callable[[str], None]
-        Prints a text on stderr behind the name and the seconds since `teller` was called.
-    """
+    """A function that prints a line with the time since now; lines begin with the name."""
     from rich.console import Console
 
     console = Console(stderr=True, highlight=False)

@@ -22,18 +22,7 @@ def _cell(value: Any) -> str:
 
 
 def rounded(setting: Setting) -> Setting:
-    """A setting as a file has it.
-
-    Parameters
-    ----------
-    setting : Setting
-        A frozen dataclass of texts, floats and integers.
-
-    Returns
-    -------
-    Setting
-        Its floats with six digits.
-    """
+    """A setting as a file has it."""
     values = asdict(setting)  # type: ignore[call-overload]
     return type(setting)(
         **{k: float(_cell(v)) if isinstance(v, float) else v for k, v in values.items()}
@@ -43,22 +32,7 @@ def rounded(setting: Setting) -> Setting:
 def read(
     path: Path, kind: type[Setting], figures: Sequence[str]
 ) -> dict[Setting, dict[str, float]]:
-    """Rows of a file.
-
-    Parameters
-    ----------
-    path : Path
-        It may not exist, or end in the middle of a row: that one is left out.
-    kind : type
-        Dataclass of the settings.
-    figures : sequence of str
-        Names of the figures.
-
-    Returns
-    -------
-    dict
-        Figures by setting.
-    """
+    """Rows of a file."""
     if not path.exists():
         return {}
     kinds = {field.name: _PARSE[str(field.type)] for field in fields(kind)}  # type: ignore[arg-type]
@@ -73,17 +47,7 @@ def read(
 
 
 def write(path: Path, rows: Mapping[Setting, Mapping[str, float]], figures: Sequence[str]) -> None:
-    """Write a file in the order of its settings; all of it or nothing.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    rows : mapping
-        Figures by setting; one at least.
-    figures : sequence of str
-        Names of the figures.
-    """
+    """Write a file in the order of its settings; all of it or nothing."""
     columns = [field.name for field in fields(next(iter(rows)))]  # type: ignore[arg-type]
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -105,32 +69,7 @@ def study(
     anew: bool = False,
     scheduler: str | None = None,
 ) -> dict[Setting, dict[str, float]]:
-    """Run the settings that a file does not have yet, and keep each as soon as it is through.
-
-    Parameters
-    ----------
-    task : str
-        What is shown while it runs.
-    loop : callable
-        Takes a setting, returns its fields and figures by name.
-    settings : iterable of Setting
-        All that are wanted; others leave the file.
-    figures : sequence of str
-        Names of the figures.
-    out : Path
-        The file.
-    jobs : int
-        Processes.
-    anew : bool
-        Whether all are run, whatever the file has.
-    scheduler : str | None
-        Of a Dask cluster that runs them; None for processes of this machine.
-
-    Returns
-    -------
-    dict
-        Figures by setting, as the file has them.
-    """
+    """Run the settings that a file does not have yet, and keep each as soon as it is through."""
     wanted = list(settings)
     kind = type(wanted[0])
     known = set(map(rounded, wanted))

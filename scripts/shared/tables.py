@@ -26,69 +26,18 @@ def _parts(page: str, begin: str, end: str) -> tuple[str, str, str]:
 
 
 def inside(page: str, begin: str, end: str) -> str:
-    """What stands between two markers of a page.
-
-    Parameters
-    ----------
-    page : str
-        Its text.
-    begin, end : str
-        The markers.
-
-    Returns
-    -------
-    str
-        The text between them, its line ends included.
-
-    Raises
-    ------
-    MarkerError
-        If the markers are missing.
-    """
+    """What stands between two markers of a page."""
     return _parts(page, begin, end)[1]
 
 
 def between(page: str, text: str, begin: str, end: str) -> str:
-    """A page with what stands between two markers replaced; the markers stay.
-
-    Parameters
-    ----------
-    page : str
-        Its text.
-    text : str
-        What is to stand there, without a line end.
-    begin, end : str
-        The markers.
-
-    Returns
-    -------
-    str
-        The page.
-
-    Raises
-    ------
-    MarkerError
-        If the markers are missing.
-    """
+    """A page with what stands between two markers replaced; the markers stay."""
     before, _, after = _parts(page, begin, end)
     return f"{before}{begin}\n{text}\n{end}{after}"
 
 
 def rewrite(path: Path, texts: Mapping[tuple[str, str], str]) -> None:
-    """Replace what stands between markers of a page on disk, all of it or nothing.
-
-    Parameters
-    ----------
-    path : Path
-        The page.
-    texts : Mapping[tuple[str, str], str]
-        Begin and end marker -> what is to stand between them.
-
-    Raises
-    ------
-    MarkerError
-        If markers are missing; it names the page.
-    """
+    """Replace what stands between markers of a page on disk, all of it or nothing."""
     page = path.read_text(encoding="utf-8")
     try:
         for (begin, end), text in texts.items():
@@ -101,28 +50,7 @@ def rewrite(path: Path, texts: Mapping[tuple[str, str], str]) -> None:
 def markdown(
     head: Sequence[object], rows: Iterable[Sequence[object]], align: str | None = None
 ) -> str:
-    """A Markdown table, without a line end after its last row.
-
-    Parameters
-    ----------
-    head : Sequence[object]
-        Titles of the columns.
-    rows : Iterable[Sequence[object]]
-        As many cells each; a bar in a cell is escaped.
-    align : str | None
-        A letter for each column, ``l`` or ``r``; the last one holds for the columns that follow.
-        None leaves the alignment to who shows the table.
-
-    Returns
-    -------
-    str
-        The lines.
-
-    Raises
-    ------
-    ValueError
-        If a row has more or fewer cells than the head, or a letter is another.
-    """
+    """A Markdown table, without a line end after its last row."""
     if align is None:
         rule = "|" + "---|" * len(head)
     else:
@@ -148,24 +76,7 @@ def csv_text(
     columns: Sequence[str] | None = None,
     digits: int | None = None,
 ) -> str:
-    """Rows as CSV, with comments before its header.
-
-    Parameters
-    ----------
-    rows : Sequence[Mapping[str, Any]]
-        Column -> value; at least one row unless the columns are given.
-    head : Sequence[str]
-        Comments, one a line.
-    columns : Sequence[str] | None
-        Which, and in which order; those of the first row if None. What else a row has is left out.
-    digits : int | None
-        Decimals that floats are rounded to; none are if None.
-
-    Returns
-    -------
-    str
-        The file's text.
-    """
+    """Rows as CSV, with comments before its header."""
     out = io.StringIO()
     out.writelines(f"# {line}\n" for line in head)
     chosen = list(rows[0]) if columns is None else list(columns)
@@ -179,42 +90,13 @@ def csv_text(
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
-    """Rows of a CSV file as text; comments are left out.
-
-    Parameters
-    ----------
-    path : Path
-        The file; its first line that is no comment names the columns.
-
-    Returns
-    -------
-    list[dict[str, str]]
-        A dictionary from column to text for each row.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    """
+    """Rows of a CSV file as text; comments are left out."""
     lines = path.read_text(encoding="utf-8").splitlines()
     return list(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 
 def numbers(rows: Sequence[Mapping[str, str]], texts: Collection[str] = ()) -> list[dict[str, Any]]:
-    """Rows with numbers in place of the texts that are some.
-
-    Parameters
-    ----------
-    rows : Sequence[Mapping[str, str]]
-        As `read_csv` gives them.
-    texts : Collection[str]
-        Columns that stay text.
-
-    Returns
-    -------
-    list[dict[str, Any]]
-        New rows.
-    """
+    """Rows with numbers in place of the texts that are some."""
 
     def _number(key: str, text: str) -> str | float:
         if key in texts:

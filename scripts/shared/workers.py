@@ -41,13 +41,7 @@ SOURCES = (".cpp", ".py", ".toml", ".v", ".vhd")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--scheduler`` to a command's arguments.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Of the command.
-    """
+    """Add ``--scheduler`` to a command's arguments."""
     parser.add_argument(
         "--scheduler",
         metavar="ADDRESS",
@@ -58,13 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 @functools.cache
 def fingerprint() -> str:
-    """What a worker computes with: its Python, packages that compute, and the project's sources.
-
-    Returns
-    -------
-    str
-        Equal for two workers that give the same results.
-    """
+    """What a worker computes with: its Python, packages that compute, and the project's sources."""
     text = hashlib.sha256()
     text.update(f"{sys.version_info[:2]}".encode())
     for name in COMPUTING:
@@ -78,21 +66,7 @@ def fingerprint() -> str:
 
 
 class Pool:
-    """Workers, each compiled once for all that it is given.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes of this machine; a cluster has as many as it has.
-    scheduler : str | None
-        Address of a Dask scheduler; None for processes of this machine.
-
-    Raises
-    ------
-    ToolError
-        If Dask is not installed, the scheduler does not answer or has no worker, or a worker runs
-        other code.
-    """
+    """Workers, each compiled once for all that it is given."""
 
     def __init__(self, jobs: int, scheduler: str | None = None) -> None:
         self._client: Any = None
@@ -127,27 +101,7 @@ class Pool:
     def each(
         self, what: str, function: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]
     ) -> Iterator[tuple[int, Result]]:
-        """Call a function for every set of arguments, with progress; results as they come.
-
-        Parameters
-        ----------
-        what : str
-            What is done, for the progress.
-        function : Callable[..., Result]
-            A module's function, called in a worker.
-        arguments : Sequence[tuple[Any, ...]]
-            Of each call.
-
-        Yields
-        ------
-        tuple[int, Result]
-            Number of the call, from 0, and what it returned.
-
-        Raises
-        ------
-        ToolError
-            If the cluster is lost, or a call has lost too many workers.
-        """
+        """Call a function for every set of arguments, with progress; results as they come."""
         if not arguments:
             return
         futures = self._submitted(function, arguments)
@@ -174,27 +128,7 @@ class Pool:
     def all(
         self, what: str, function: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]
     ) -> list[Result]:
-        """Call a function for every set of arguments, with progress.
-
-        Parameters
-        ----------
-        what : str
-            What is done, for the progress.
-        function : Callable[..., Result]
-            A module's function, called in a worker.
-        arguments : Sequence[tuple[Any, ...]]
-            Of each call.
-
-        Returns
-        -------
-        list[Result]
-            What each call returned, in the order of the arguments.
-
-        Raises
-        ------
-        ToolError
-            As `each`.
-        """
+        """Call a function for every set of arguments, with progress."""
         found = dict(self.each(what, function, arguments))
         return [found[n] for n in range(len(arguments))]
 

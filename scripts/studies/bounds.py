@@ -74,21 +74,7 @@ class BoundsError(RuntimeError):
 
 
 def drive_of(bound: float, rule: str) -> Drive:
-    """The drive with a bound and a deadlock rule.
-
-    Parameters
-    ----------
-    bound : float
-        Half width, per unit.
-    rule : str
-        "largest" or "weighted", with `states.STUDIED`, the other rules of Paper A and no filter;
-        or "shipped".
-
-    Returns
-    -------
-    Drive
-        The 6 kV drive.
-    """
+    """The drive with a bound and a deadlock rule."""
     if rule == "shipped":
         return load_mpdcc_drive(states.DRIVES / f"{DRIVE}.toml").with_control(bound_current=bound)
     base = states.shipped(DRIVE)
@@ -98,28 +84,7 @@ def drive_of(bound: float, rule: str) -> Drive:
 def loop(
     bound: float, controller: str, rule: str, start: int, steps: int = STEPS
 ) -> tuple[Drive, ClosedLoopResult]:
-    """One closed loop at rated speed and current.
-
-    Parameters
-    ----------
-    bound : float
-        Half width, per unit.
-    controller : str
-        Key of `NAMES`.
-    rule : str
-        As of `drive_of`.
-    start : int
-        Seed of angle and disturbance.
-    steps : int
-        Control steps that count.
-
-    Returns
-    -------
-    Drive
-        Its drive.
-    ClosedLoopResult
-        What was recorded.
-    """
+    """One closed loop at rated speed and current."""
     drive = drive_of(bound, rule)
     if controller == "ideal":
         decide, parameters = ideal.decide, ideal.ideal_parameters(drive)
@@ -133,20 +98,7 @@ def loop(
 
 
 def figures(drive: Drive, result: ClosedLoopResult) -> dict[str, float]:
-    """What is said of one loop.
-
-    Parameters
-    ----------
-    drive : Drive
-        Its drive.
-    result : ClosedLoopResult
-        What was recorded.
-
-    Returns
-    -------
-    dict of float
-        Hz, %, per unit; a voltage is outside when it is beyond its bound at a step.
-    """
+    """What is said of one loop."""
     summary = metrics.summarise(drive, result)
     away = metrics.deviations(result)
     limit = drive.bounds
@@ -162,24 +114,7 @@ def figures(drive: Drive, result: ClosedLoopResult) -> dict[str, float]:
 
 
 def differing(drive: Drive, result: ClosedLoopResult, variant: str, rows: int) -> int:
-    """Rows of a loop in which the simulated RTL does not decide as its model has done.
-
-    Parameters
-    ----------
-    drive : Drive
-        Its drive.
-    result : ClosedLoopResult
-        A variant's loop.
-    variant : str
-        "fast" or "paper".
-    rows : int
-        How many, spread over the loop.
-
-    Returns
-    -------
-    int
-        0 where all is well.
-    """
+    """Rows of a loop in which the simulated RTL does not decide as its model has done."""
     # searches take the decisions that can differ; a few held steps are among them
     searched = np.flatnonzero(result.decisions.held == 0)
     chosen = np.union1d(
@@ -196,25 +131,7 @@ def differing(drive: Drive, result: ClosedLoopResult, variant: str, rows: int) -
 def point(
     bound: float, controller: str, rule: str, starts: int, steps: int, rtl_rows: int
 ) -> dict[str, Any]:
-    """A row of the report.
-
-    Parameters
-    ----------
-    bound, controller, rule : float, str, str
-        As of `loop`.
-    starts : int
-        Loops that are averaged.
-    steps : int
-        Control steps of each.
-    rtl_rows : int
-        As of `differing`; 0 leaves the RTL out.
-
-    Returns
-    -------
-    dict
-        `COLUMNS`. Errors are half widths of the mean's 95 % interval; largest values are those of
-        all starts.
-    """
+    """A row of the report."""
     found = []
     checked = wrong = 0
     for start in range(starts):
@@ -234,25 +151,7 @@ def point(
 
 
 def study(jobs: int, scheduler: str | None = None) -> list[dict[str, Any]]:
-    """All rows.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes.
-    scheduler : str | None
-        Of a Dask cluster that runs them; None for processes of this machine.
-
-    Returns
-    -------
-    list of dict
-        As of `point`, by setting and bound.
-
-    Raises
-    ------
-    BoundsError
-        If the RTL decided otherwise than its model.
-    """
+    """All rows."""
     wanted = [(b, *s, STARTS, STEPS, RTL_ROWS) for s, b in itertools.product(SETTINGS, BOUNDS)]
     with Pool(jobs, scheduler) as pool:
         rows = pool.all("bounds", point, wanted)
@@ -263,18 +162,7 @@ def study(jobs: int, scheduler: str | None = None) -> list[dict[str, Any]]:
 
 
 def read(path: Path) -> list[dict[str, Any]]:
-    """Rows of the report.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    list of dict
-        As of `point`.
-    """
+    """Rows of the report."""
     text = ("controller", "rule")
     return [
         {name: value if name in text else float(value) for name, value in row.items()}
@@ -291,18 +179,7 @@ def _difference(row: dict[str, Any], reference: dict[str, Any], name: str) -> fl
 
 
 def distortion_table(rows: Sequence[dict[str, Any]]) -> str:
-    """Switching frequency and THD by bound, the paper's rule.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
+    """Switching frequency and THD by bound, the paper's rule."""
     chosen = {name: _of(rows, name, "largest") for name in NAMES}
     lines = []
     for exact, paper, fast in zip(*chosen.values(), strict=True):
@@ -325,18 +202,7 @@ def distortion_table(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def largest_table(rows: Sequence[dict[str, Any]]) -> str:
-    """The largest differences from the ideal controller beside Paper A's.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-
-    Returns
-    -------
-    str
-        A Markdown table; the last column counts what the RTL decided.
-    """
+    """The largest differences from the ideal controller beside Paper A's."""
     exact = _of(rows, "ideal", "largest")
     lines = [("Paper A", f"below {PAPER_FSW:.0f}", f"below {PAPER_THD:.0f}", "-")]
     for name in ("paper", "fast"):
@@ -355,18 +221,7 @@ def largest_table(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def capacitor_table(rows: Sequence[dict[str, Any]]) -> str:
-    """Capacitor voltages over all bounds of the currents, by deadlock rule.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
+    """Capacitor voltages over all bounds of the currents, by deadlock rule."""
     lines = []
     for controller, rule in SETTINGS:
         limit = drive_of(BOUNDS[0], rule).bounds
@@ -389,18 +244,7 @@ def capacitor_table(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def settings_table(rows: Sequence[dict[str, Any]]) -> str:
-    """What the loops of this study are set to, and what that makes of one bound.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
+    """What the loops of this study are set to, and what that makes of one bound."""
     lines = []
     for controller, rule in SETTINGS:
         drive = drive_of(SHOWN, rule)
@@ -421,15 +265,7 @@ def settings_table(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw the picture.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-    path : Path
-        The PNG.
-    """
+    """Draw the picture."""
     plt = pyplot()
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 6.0), sharex=True)
     # the curves lie on one another: marks of different sizes, the dashes on top
@@ -464,15 +300,7 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
 
 
 def draw_capacitors(rows: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw the largest capacitor voltages over the bound of the currents, by deadlock rule.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-    path : Path
-        The PNG.
-    """
+    """Draw the largest capacitor voltages over the bound of the currents, by deadlock rule."""
     plt = pyplot()
     figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.4), sharex=True, layout="constrained")
     limits = drive_of(BOUNDS[0], "largest").bounds[3:5]
@@ -501,17 +329,7 @@ def draw_capacitors(rows: Sequence[dict[str, Any]], path: Path) -> None:
 
 
 def publish(rows: Sequence[dict[str, Any]], page: Path, picture: Path) -> None:
-    """Write tables and pictures.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-    page : Path
-        The page; its markers stay.
-    picture : Path
-        The PNG; that of the capacitors' voltages has "_capacitors" behind its name.
-    """
+    """Write tables and pictures."""
     draw(rows, picture)
     draw_capacitors(rows, picture.with_stem(f"{picture.stem}_capacitors"))
     made = {
@@ -524,15 +342,7 @@ def publish(rows: Sequence[dict[str, Any]], page: Path, picture: Path) -> None:
 
 
 def write(rows: Sequence[dict[str, Any]], path: Path) -> None:
-    """Store a study.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-    path : Path
-        The file.
-    """
+    """Store a study."""
     commit, dirty = tools.git_state()
     head = (
         f"drive: {DRIVE}, omega_s 1.0 pu, rated current, SE; {STARTS} starts of {STEPS} steps",
@@ -544,22 +354,7 @@ def write(rows: Sequence[dict[str, Any]], path: Path) -> None:
 
 
 def regenerate(jobs: int, tables_only: bool, scheduler: str | None = None) -> None:
-    """Run the study, or take its file, and publish.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes.
-    tables_only : bool
-        Whether the file is taken as it is.
-    scheduler : str | None
-        As of `study`.
-
-    Raises
-    ------
-    BoundsError
-        If the RTL decided otherwise than its model; nothing is written.
-    """
+    """Run the study, or take its file, and publish."""
     if not tables_only:
         write(study(jobs, scheduler), REPORT)
     publish(read(REPORT), PAGE, PICTURE)

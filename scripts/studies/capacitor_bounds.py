@@ -47,13 +47,7 @@ Rows = Mapping[Setting, Mapping[str, float]]
 
 
 def settings() -> Iterator[Setting]:
-    """All closed loops, in order.
-
-    Yields
-    ------
-    Setting
-        The next one.
-    """
+    """All closed loops, in order."""
     for start, name, horizon, pair, speed, noise in itertools.product(
         range(STARTS), robustness.DRIVES, ("SE", "SESE"), PAIRS, SPEEDS, NOISES
     ):
@@ -61,20 +55,7 @@ def settings() -> Iterator[Setting]:
 
 
 def loop(setting: Setting, steps: int = STEPS) -> dict[str, Any]:
-    """Run a closed loop.
-
-    Parameters
-    ----------
-    setting : Setting
-        The loop.
-    steps : int
-        Control steps that count.
-
-    Returns
-    -------
-    dict
-        The setting and ``FIGURES``, as of ``robustness.loop``.
-    """
+    """Run a closed loop."""
     plain = robustness.Setting(
         setting.drive, setting.horizon, setting.speed, BOUND, setting.noise, "inwards",
         robustness.GAIN, setting.start,
@@ -87,58 +68,17 @@ def loop(setting: Setting, steps: int = STEPS) -> dict[str, Any]:
 
 
 def read(path: Path = REPORT) -> dict[Setting, dict[str, float]]:
-    """Rows of the file.
-
-    Parameters
-    ----------
-    path : Path
-        It may not exist, or end in the middle of a row: that one is left out.
-
-    Returns
-    -------
-    dict
-        Figures by setting.
-    """
+    """Rows of the file."""
     return rows.read(path, Setting, FIGURES)
 
 
 def study(out: Path, jobs: int, *, anew: bool = False) -> dict[Setting, dict[str, float]]:
-    """Run what the file does not have yet.
-
-    Parameters
-    ----------
-    out : Path
-        The file.
-    jobs : int
-        Processes.
-    anew : bool
-        Whether all loops are run, whatever the file has.
-
-    Returns
-    -------
-    dict
-        Figures of all settings.
-    """
+    """Run what the file does not have yet."""
     return rows.study("bounds of the capacitors", loop, settings(), FIGURES, out, jobs, anew=anew)
 
 
 def mean(found: Rows, figure: str, **at: Any) -> float:
-    """Mean of a figure over all loops with these settings.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `study`.
-    figure : str
-        One of `FIGURES`.
-    **at
-        Fields of `Setting` and their values.
-
-    Returns
-    -------
-    float
-        In the figure's unit.
-    """
+    """Mean of a figure over all loops with these settings."""
     chosen = [
         row[figure]
         for setting, row in found.items()
@@ -148,18 +88,7 @@ def mean(found: Rows, figure: str, **at: Any) -> float:
 
 
 def table(found: Rows) -> str:
-    """Switching frequencies over the speed, with noise, and how far the voltages go.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `study`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
+    """Switching frequencies over the speed, with noise, and how far the voltages go."""
     lines = []
     for name, horizon, (neutral, phase) in itertools.product(
         robustness.DRIVES, ("SE", "SESE"), PAIRS
@@ -186,14 +115,6 @@ def table(found: Rows) -> str:
 
 
 def publish(found: Rows, page: Path = pwm.PAGE) -> None:
-    """Write the table into its page.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `study`.
-    page : Path
-        The page; its markers stay.
-    """
+    """Write the table into its page."""
     marks = (pwm.BEGIN.format("bounds"), pwm.END.format("bounds"))
     tables.rewrite(page, {marks: table(found)})

@@ -96,20 +96,7 @@ class Numbers(NamedTuple):
 
 
 def parameters(drive: Drive, rule: Rule) -> tuple[IntArray, Numbers]:
-    """First argument of ``decide``: registers of the drive, and the rule.
-
-    Parameters
-    ----------
-    drive : Drive
-        Bounds and weights.
-    rule : Rule
-        The rule.
-
-    Returns
-    -------
-    tuple of ndarray of int64 and Numbers
-        `Registers.array()`, shape (44,), and the rule in numbers.
-    """
+    """First argument of ``decide``: registers of the drive, and the rule."""
     values = registers(drive, "fast")
     terminal = rule.lambda_ph * f.COST_UNIT / values.unit**2
     numbers = Numbers(
@@ -131,21 +118,7 @@ def _errors_ahead(first, slope, error, curvature, step, ahead):
 
 @njit
 def criterion(rule, ahead, bound, effort, keys):
-    """What a deadlock compares.
-
-    Parameters
-    ----------
-    rule : Numbers
-        The rule.
-    ahead : (7,)
-        Errors at the step of the rule, trajectory units.
-    bound : (7,)
-        Half widths, trajectory units.
-    effort : int
-        Weighted switching transitions.
-    keys : (7,)
-        Filled, most significant first; smaller is better.
-    """
+    """What a deadlock compares."""
     keys[:] = 0
     excess = np.empty(7, dtype=np.int64)
     worst = -(1 << 50)
@@ -263,43 +236,13 @@ def _search(given, measurement, s_prev, record):
 
 @njit
 def decide_words(given, measurement, s_prev):
-    """``fast.decide_words`` under a rule.
-
-    Parameters
-    ----------
-    given : tuple
-        From ``parameters``.
-    measurement : ndarray of int64, shape (13,)
-        In the order of ``formats.MEASUREMENTS``.
-    s_prev : ndarray of int64, shape (3,)
-        s(k-1), positions 0 to 7.
-
-    Returns
-    -------
-    tuple of int
-        As ``fast.decide_words``.
-    """
+    """``fast.decide_words`` under a rule."""
     return _search(given, measurement, s_prev, np.zeros(8, dtype=np.int64))[:7]
 
 
 @njit
 def ties(given, measurement, s_prev):
-    """Candidates that share the least value of the criterion in a deadlock, before the tie rule.
-
-    Parameters
-    ----------
-    given : tuple
-        From ``parameters``.
-    measurement : ndarray of int64, shape (13,)
-        In the order of ``formats.MEASUREMENTS``.
-    s_prev : ndarray of int64, shape (3,)
-        s(k-1), positions 0 to 7.
-
-    Returns
-    -------
-    int
-        Their number; 0 where there is no deadlock.
-    """
+    """Candidates that share the least value of the criterion in a deadlock, before the tie rule."""
     record = np.zeros(8, dtype=np.int64)
     deadlock = _search(given, measurement, s_prev, record)[4]
     return record[7] if deadlock else 0
@@ -307,30 +250,7 @@ def ties(given, measurement, s_prev):
 
 @njit
 def decide(given, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """``decide_words`` on real numbers.
-
-    Parameters
-    ----------
-    given : tuple
-        From ``parameters``.
-    x_m : ndarray, shape (4,)
-        Stator current and rotor flux, alpha and beta, per unit.
-    x_inv : ndarray, shape (4,)
-        v_n and the three v_ph, per unit.
-    vdc : float
-        Dc-link voltage, per unit.
-    iref : ndarray, shape (2,)
-        Reference of the stator current, per unit.
-    omega_s, omega_r : float
-        Angular frequencies of stator and rotor, per unit.
-    s_prev : ndarray of int64, shape (3,)
-        s(k-1), positions 0 to 7.
-
-    Returns
-    -------
-    tuple of int
-        As ``decide_words``; saturated if a measurement left its range as well.
-    """
+    """``decide_words`` on real numbers."""
     measurement, clipped = encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r)
     a, b, c, held, deadlock, length, saturated = decide_words(given, measurement, s_prev)
     return a, b, c, held, deadlock, length, saturated | clipped

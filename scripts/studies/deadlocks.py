@@ -155,26 +155,7 @@ def _rule_of(case: Case, drive: Drive) -> Rule:
 def simulate(
     base: Drive, case: Case, setting: Setting, steps: int, point: OperatingPoint | None = None
 ) -> tuple[Drive, Any]:
-    """Run one closed loop.
-
-    Parameters
-    ----------
-    base : Drive
-        The drive as its file has it.
-    case : Case
-        Rule and settings of the controller.
-    setting : Setting
-        Horizon, bound, speed and start.
-    steps : int
-        Control steps.
-    point : OperatingPoint | None
-        Where the drive runs; at 1 pu of current, motoring, at the setting's speed if None.
-
-    Returns
-    -------
-    tuple of Drive and ClosedLoopResult
-        The drive it was run with, and the result.
-    """
+    """Run one closed loop."""
     drive = horizon_study.drive_of(base, setting).with_control(**dict(case.control))
     result = closed_loop.simulate(
         drive, rules.decide, rules.parameters(drive, _rule_of(case, drive)),
@@ -270,19 +251,7 @@ def _errors(result: ClosedLoopResult) -> FloatArray:
 
 
 def _anatomy(base: Drive, settings: Sequence[Setting], steps: int) -> dict[str, Any]:
-    """What is outside in the deadlocks of Paper A's rule, for how long, and what could be chosen.
-
-    Parameters
-    ----------
-    settings
-        Starts of one operating point.
-
-    Returns
-    -------
-    dict
-        `STEP_FIELDS`; shares in percent of the steps in deadlock, but those 'at_start' of the
-        episodes (deadlock in successive steps) and those of v_n of the steps with v_n outside.
-    """
+    """What is outside in deadlocks of Paper A's rule, for how long, and the choices left."""
     outside, worst, offered, durations, inside, ties = [], [], [], [], [], []
     legs: dict[bool, list[Any]] = {True: [], False: []}
     unit = 1.0
@@ -348,20 +317,7 @@ def _anatomy(base: Drive, settings: Sequence[Setting], steps: int) -> dict[str, 
 
 
 def starts_needed(spread: float, half_width: float) -> int:
-    """Least n with t(0.975, n - 1) * spread / sqrt(n) <= half_width, Student's t.
-
-    Parameters
-    ----------
-    spread : float
-        Standard deviation of one start.
-    half_width : float
-        Of the 95 % interval that is wanted, in the same unit.
-
-    Returns
-    -------
-    int
-        From 2 to 1000; 1000 also if that is not enough.
-    """
+    """Least n with t(0.975, n - 1) * spread / sqrt(n) <= half_width, Student's t."""
     from scipy import stats
 
     for n in range(2, 1000):
@@ -452,27 +408,7 @@ def _table_of_cases(rows: Sequence[dict[str, Any]], low: bool) -> str:
 
 
 def verify(base: Drive, points: Sequence[tuple[str, float, float]], steps: int) -> tuple[int, int]:
-    """Let the RTL, converted to a netlist, decide on every step of the rules it has.
-
-    Parameters
-    ----------
-    base : Drive
-        The drive as its file has it.
-    points : Sequence[tuple[str, float, float]]
-        Horizon, speed and bound of the loops; each is the first start of ``_table_of_points``.
-    steps : int
-        Control steps of each loop.
-
-    Returns
-    -------
-    tuple of int
-        How many decisions there were, all the loops', and the most clocks that one took.
-
-    Raises
-    ------
-    FidelityError
-        If one is another than the loop's.
-    """
+    """Let the RTL, converted to a netlist, decide on every step of the rules it has."""
     count = most = 0
     with progress_bar("decisions of the RTL", steps * len(points) * len(BUILT_IN)) as progress:
         for name, rule in BUILT_IN.items():
@@ -603,48 +539,13 @@ SHOWN = {
 
 
 def draw_stored(drive: Path, out: Path = REPORTS) -> None:
-    """Draw the picture from the runs that are stored; two runs for the curves over time are new.
-
-    Parameters
-    ----------
-    drive : Path
-        Drive file of the study.
-    out : Path
-        Folder with deadlocks.csv, and of the picture.
-
-    Raises
-    ------
-    DriveFileError
-        If the drive file is not right.
-    OSError
-        If the study has not been run.
-    """
+    """Draw the picture from the runs that are stored; two runs for the curves over time are new."""
     base = states.of_file(drive)
     _draw(base, _read(out / "deadlocks.csv"), out / "deadlocks.png")
 
 
 def page(text: str, report: str) -> str:
-    """The page with its tables as the report has them.
-
-    Parameters
-    ----------
-    text : str
-        `docs/deadlocks.md`.
-    report : str
-        `reports/deadlocks.md`.
-
-    Returns
-    -------
-    str
-        The page.
-
-    Raises
-    ------
-    ValueError
-        If the report lacks a table.
-    MarkerError
-        If the page lacks the markers around one.
-    """
+    """The page with its tables as the report has them."""
     blocks = report.strip().split("\n\n")
     for name, heading in SECTIONS.items():
         # a table is the block after its heading, the sentence about the RTL is one itself
@@ -663,20 +564,7 @@ def page(text: str, report: str) -> str:
 
 
 def write_page(report: str) -> None:
-    """Bring the tables of `docs/deadlocks.md` up to date.
-
-    Parameters
-    ----------
-    report : str
-        `reports/deadlocks.md`.
-
-    Raises
-    ------
-    ValueError
-        If the report lacks a table.
-    MarkerError
-        If the page lacks the markers around one.
-    """
+    """Bring the tables of `docs/deadlocks.md` up to date."""
     tools.write(PAGE, page(PAGE.read_text(encoding="utf-8"), report))
 
 
@@ -782,34 +670,7 @@ def study(
     processes: int = 1,
     scheduler: str | None = None,
 ) -> None:
-    """Run the study and write its files.
-
-    Parameters
-    ----------
-    drive : Path
-        Drive file.
-    steps : int
-        Control steps of a run.
-    starts : int
-        Starts of every rule.
-    detailed : int
-        Starts of the two rules set side by side.
-    out : Path
-        Folder of the files.
-    reuse : bool
-        Whether the runs are taken from deadlocks.csv as it is.
-    processes : int
-        That run the loops.
-    scheduler : str | None
-        Of a Dask cluster that runs them; None for processes of this machine.
-
-    Raises
-    ------
-    FidelityError
-        If the RTL decides otherwise.
-    DriveFileError
-        If the drive file is not right.
-    """
+    """Run the study and write its files."""
     base = states.of_file(drive)
     points = [(h, s, b) for h in HORIZONS for s in SPEEDS for b in BOUNDS]
     out.mkdir(parents=True, exist_ok=True)

@@ -173,25 +173,7 @@ def _make(setting: Setting, folder: Path, steps: int) -> dict[str, Any]:
 
 
 def build(out: Path, steps: int = STEPS) -> dict[str, Any]:
-    """Make the bench.
-
-    Parameters
-    ----------
-    out : Path
-        Folder to make; an older bench there is replaced once the new one is whole.
-    steps : int
-        Rows of each set.
-
-    Returns
-    -------
-    dict
-        The manifest.
-
-    Raises
-    ------
-    BenchError
-        If there is something else at `out`, or `steps` is none.
-    """
+    """Make the bench."""
     if steps < 1:
         raise BenchError(f"--steps: got {steps}; it must be at least 1")
     if out.exists() and not (out / MANIFEST).is_file():
@@ -216,23 +198,7 @@ def build(out: Path, steps: int = STEPS) -> dict[str, Any]:
 
 
 def read_manifest(bench: Path) -> dict[str, Any]:
-    """The manifest of a bench whose files are as they were written.
-
-    Parameters
-    ----------
-    bench : Path
-        Its folder.
-
-    Returns
-    -------
-    dict
-        As `build` returned it.
-
-    Raises
-    ------
-    BenchError
-        If it is no bench, of another format, or a file of it was changed.
-    """
+    """The manifest of a bench whose files are as they were written."""
     path = bench / MANIFEST
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))
@@ -369,34 +335,7 @@ def _told(saturated: Any, cycles: Any) -> dict[str, Any]:
 
 
 def score(bench: Path, name: str, path: Path) -> dict[str, Any]:
-    """Score the decisions of an implementation on the states of a set.
-
-    Parameters
-    ----------
-    bench : Path
-        Folder that `build` made.
-    name : str
-        Of the set.
-    path : Path
-        Decisions (CSV), as `make replay` writes them.
-
-    Returns
-    -------
-    dict
-        ``rows``; ``unlike``, rows with another decision than the ideal controller's, and their
-        share; ``ties``, those of them that cost the same; ``lost_mean_pct`` and ``lost_max_pct``,
-        how much more the others cost; MPDCC: ``moved`` where the ideal one holds, ``leaves`` a
-        bound at once where another one does not, ``impossible`` to reach from s(k-1), ``length``,
-        the same positions with another L*; two and three vectors: largest and mean error of the
-        times, 1/4096 of the period; ``saturated`` and ``cycles_worst`` as the entry says.
-
-    Raises
-    ------
-    BenchError
-        If bench or set cannot be used, or the numbers of rows differ.
-    TraceError
-        If the decisions cannot be read.
-    """
+    """Score the decisions of an implementation on the states of a set."""
     sets = read_manifest(bench)["sets"]
     if name not in sets:
         raise BenchError(f"{bench}: has no set '{name}'; there are: {', '.join(sets)}")
@@ -412,18 +351,7 @@ def score(bench: Path, name: str, path: Path) -> dict[str, Any]:
 
 
 def shown(found: dict[str, Any]) -> str:
-    """A score as text, a line for each figure.
-
-    Parameters
-    ----------
-    found : dict
-        Of `score`.
-
-    Returns
-    -------
-    str
-        Without a line end.
-    """
+    """A score as text, a line for each figure."""
     return "\n".join(
         f"{key:15} {value:.4g}" if isinstance(value, float) else f"{key:15} {value}"
         for key, value in found.items()
@@ -432,18 +360,7 @@ def shown(found: dict[str, Any]) -> str:
 
 
 def page_tables(entries: Sequence[tuple[str, str, dict[str, Any]]]) -> str:
-    """The figures of the page.
-
-    Parameters
-    ----------
-    entries : sequence of (str, str, dict)
-        Set, implementation, score.
-
-    Returns
-    -------
-    str
-        Two tables in Markdown: one with costs, one with times.
-    """
+    """The figures of the page."""
 
     def _row(keys: Sequence[str], found: dict[str, Any]) -> list[str]:
         return [

@@ -185,22 +185,7 @@ TARGETS: dict[str, Target] = {
 
 
 def mutated(data: bytes, others: list[bytes], rng: random.Random) -> bytes:
-    """An example, changed in some places.
-
-    Parameters
-    ----------
-    data : bytes
-        The example.
-    others : list[bytes]
-        Others, to join a piece of.
-    rng : random.Random
-        Chooses.
-
-    Returns
-    -------
-    bytes
-        Of any length, also empty.
-    """
+    """An example, changed in some places."""
     found = bytearray(data)
     for _ in range(rng.choice([1, 1, 1, 2, 4, 9])):
         at = rng.randrange(len(found) + 1)
@@ -237,22 +222,7 @@ def mutated(data: bytes, others: list[bytes], rng: random.Random) -> bytes:
 
 
 def tried(name: str, data: bytes, folder: Path) -> Finding | None:
-    """Let a target read bytes.
-
-    Parameters
-    ----------
-    name : str
-        A key of ``TARGETS``.
-    data : bytes
-        What it reads.
-    folder : Path
-        For its files.
-
-    Returns
-    -------
-    Finding | None
-        None if it has accepted them or refused them as it may.
-    """
+    """Let a target read bytes."""
     target = TARGETS[name]
     try:
         target.read(data, folder)
@@ -265,24 +235,7 @@ def tried(name: str, data: bytes, folder: Path) -> Finding | None:
 
 
 def run(name: str, seconds: float, seed: int, most: float = math.inf) -> Iterator[Finding | None]:
-    """Mutate a target's examples for some time.
-
-    Parameters
-    ----------
-    name : str
-        A key of ``TARGETS``.
-    seconds : float
-        How long.
-    seed : int
-        Of the changes.
-    most : float
-        Bytes strings at most.
-
-    Yields
-    ------
-    Finding | None
-        For each byte string that was tried.
-    """
+    """Mutate a target's examples for some time."""
     rng = random.Random(f"{name} {seed}")
     examples = TARGETS[name].examples()
     end = time.monotonic() + seconds

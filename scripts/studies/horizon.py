@@ -75,20 +75,7 @@ class Setting:
 
 
 def drive_of(base: Drive, setting: Setting) -> Drive:
-    """The drive with the controller settings of a run.
-
-    Parameters
-    ----------
-    base : Drive
-        The drive as its file has it.
-    setting : Setting
-        Horizon, budget, bound, delay compensation and deadlock rule.
-
-    Returns
-    -------
-    Drive
-        Per unit.
-    """
+    """The drive with the controller settings of a run."""
     return base.with_control(
         bound_current=setting.bound,
         switching_horizon=setting.horizon,
@@ -133,25 +120,7 @@ def _run(base: Drive, setting: Setting, steps: int, shadow: bool = False) -> dic
 
 
 def decide_anew(drive: Drive, result: ClosedLoopResult) -> int:
-    """Let the RTL, converted to a netlist, decide on every step of a closed loop.
-
-    Parameters
-    ----------
-    drive : Drive
-        What the loop was run with.
-    result : ClosedLoopResult
-        The loop.
-
-    Returns
-    -------
-    int
-        Most clocks that one took.
-
-    Raises
-    ------
-    FidelityError
-        If a decision is another than the loop's.
-    """
+    """Let the RTL, converted to a netlist, decide on every step of a closed loop."""
     values = registers(drive, "fast").array()
     seen, model = result.trace(), result.decisions
     words, clipped = common.encode(seen)
@@ -167,18 +136,7 @@ def decide_anew(drive: Drive, result: ClosedLoopResult) -> int:
 
 
 def _verify(base: Drive, settings: Sequence[Setting], steps: int) -> tuple[int, int]:
-    """Let the RTL, converted to a netlist, decide on every step of closed loops.
-
-    Returns
-    -------
-    tuple of int
-        How many decisions there were, all the model's, and the most clocks that one took.
-
-    Raises
-    ------
-    FidelityError
-        If one is another than the model's.
-    """
+    """Let the RTL, converted to a netlist, decide on every step of closed loops."""
     count = most = 0
     with progress_bar("decisions of the RTL", steps * len(settings)) as progress:
         for setting in settings:
@@ -198,22 +156,7 @@ def _verify(base: Drive, settings: Sequence[Setting], steps: int) -> tuple[int, 
 
 
 def reduction(rows: Sequence[dict[str, Any]], speed: float, start: int) -> float:
-    """Mean reduction of the switching frequency by SESE at equal distortion, in percent.
-
-    Parameters
-    ----------
-    rows : Sequence[dict[str, Any]]
-        Of sese.csv.
-    speed : float
-        Stator frequency, per unit.
-    start : int
-        Number of the start.
-
-    Returns
-    -------
-    float
-        Percent; nan where no distortion of SESE lies between two of SE.
-    """
+    """Mean reduction of the switching frequency by SESE at equal distortion, in percent."""
     chosen = [r for r in rows if r["speed"] == speed and r["start"] == start]
     se = sorted((r["thd_pct"], r["fsw_hz"]) for r in chosen if r["horizon"] == "SE")
     found = []
@@ -225,18 +168,7 @@ def reduction(rows: Sequence[dict[str, Any]], speed: float, start: int) -> float
 
 
 def interval(values: Sequence[float]) -> tuple[float, float]:
-    """Mean and half width of its 95 % confidence interval (Student's t).
-
-    Parameters
-    ----------
-    values : Sequence[float]
-        Any number; those that are not finite are left out.
-
-    Returns
-    -------
-    tuple[float, float]
-        In the values' unit; nan for what too few values leave unknown.
-    """
+    """Mean and half width of its 95 % confidence interval (Student's t)."""
     from scipy import stats
 
     array = np.array([v for v in values if np.isfinite(v)])
@@ -247,14 +179,7 @@ def interval(values: Sequence[float]) -> tuple[float, float]:
 
 
 def _prediction_errors(base: Drive, speed: float, steps: int) -> NDArray[np.float64]:
-    """Errors of the predicted node along a closed loop, per unit.
-
-    Returns
-    -------
-    (n, 5)
-        L1; largest error of the currents of a and b against `ideal`'s prediction (exact machine,
-        voltages held) and against the plant (voltages drift); of v_n and a v_ph against the plant.
-    """
+    """Errors of the predicted node along a closed loop, per unit."""
     from directmpc.mpdcc.plant import Plant
 
     setting = Setting("SESE", 0.10, speed, 0)
@@ -426,30 +351,7 @@ def study(
     jobs: int = 1,
     scheduler: str | None = None,
 ) -> None:
-    """Run the study and write its files.
-
-    Parameters
-    ----------
-    drive : Path
-        Drive file.
-    steps : int
-        Control steps of a run.
-    starts : int
-        Starts of every setting.
-    out : Path
-        Folder of the files.
-    jobs : int
-        Processes.
-    scheduler : str | None
-        Of a Dask cluster that runs the loops; None for processes of this machine.
-
-    Raises
-    ------
-    FidelityError
-        If the RTL decides otherwise.
-    DriveFileError
-        If the drive file is not right.
-    """
+    """Run the study and write its files."""
     base = states.of_file(drive)
     settings = [
         Setting(horizon, bound, speed, start)
@@ -600,22 +502,7 @@ def study(
 
 
 def draw_stored(drive: Path, out: Path = REPORTS) -> None:
-    """Draw the pictures from the tables that are stored.
-
-    Parameters
-    ----------
-    drive : Path
-        Drive file of the study.
-    out : Path
-        Folder with sese.csv and sese.md, and of the pictures.
-
-    Raises
-    ------
-    DriveFileError
-        If the drive file is not right.
-    OSError
-        If the study has not been run.
-    """
+    """Draw the pictures from the tables that are stored."""
     name = drive_title(load_mpdcc_drive(drive).base.voltage)
     rows = [
         {key: text if key == "horizon" else float(text) for key, text in row.items()}
@@ -631,23 +518,7 @@ def draw_stored(drive: Path, out: Path = REPORTS) -> None:
 
 
 def figures(reports: Path = REPORTS) -> dict[str, Any]:
-    """Figures of SESE for metrics.json: those of the study, cycles and resources.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder with the study's sese.json.
-
-    Returns
-    -------
-    dict
-        Without clock frequencies.
-
-    Raises
-    ------
-    OSError
-        If the study has not been run.
-    """
+    """Figures of SESE for metrics.json: those of the study, cycles and resources."""
     found = json.loads((reports / "sese.json").read_text(encoding="utf-8"))
     return {"cycles_worst": sese_cycles.worst(4)[0], "budget": 0, **found, "xc3s": _resources()}
 
@@ -663,22 +534,7 @@ def _shown(text: str) -> str:
 
 
 def write_page(reports: Path = REPORTS, page: Path = PAGE) -> None:
-    """Bring the tables of the page up to date with reports/sese.md.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder with sese.md.
-    page : Path
-        The page.
-
-    Raises
-    ------
-    MarkerError
-        If the page lacks the markers.
-    OSError
-        If the study has not been run.
-    """
+    """Bring the tables of the page up to date with reports/sese.md."""
     text = (reports / "sese.md").read_text(encoding="utf-8").removesuffix("\n")
     tables.rewrite(page, {(BEGIN, END): _shown(text)})
 

@@ -55,18 +55,7 @@ END = "<!-- kbest: end -->"
 
 
 def settings(starts: int) -> Iterator[Setting]:
-    """All runs, in order.
-
-    Parameters
-    ----------
-    starts : int
-        Of each point.
-
-    Yields
-    ------
-    Setting
-        The next one; `value` is `pwm.Setting`'s, or lambda_u of K-best.
-    """
+    """All runs, in order."""
     for name, speed in itertools.product(DRIVES, SPEEDS):
         for pulses, start in itertools.product(PULSES[speed], range(starts)):
             yield Setting(name, speed, "PWM", "real", 0.0, 0.0, float(pulses), start)
@@ -77,22 +66,7 @@ def settings(starts: int) -> Iterator[Setting]:
 
 
 def run(setting: Setting, steps: int, periods: int) -> dict[str, float]:
-    """One run and its figures.
-
-    Parameters
-    ----------
-    setting : Setting
-        The run.
-    steps : int
-        Control steps of a run with a controller that count.
-    periods : int
-        Fundamental periods of a run with PWM that count.
-
-    Returns
-    -------
-    dict of float
-        By the names of `FIGURES`.
-    """
+    """One run and its figures."""
     if setting.scheme not in BEAMS:
         return pwm.run(setting, steps, periods)
     drive = load_drive(f"{setting.drive}_kbest")
@@ -120,24 +94,7 @@ def run(setting: Setting, steps: int, periods: int) -> dict[str, float]:
 def study(
     out: Path, steps: int, periods: int, starts: int, *, anew: bool = False
 ) -> dict[Setting, dict[str, float]]:
-    """Run what the file does not have yet.
-
-    Parameters
-    ----------
-    out : Path
-        The file; it is written every now and then.
-    steps, periods : int
-        As of `run`.
-    starts : int
-        Of each point.
-    anew : bool
-        Whether everything is run, whatever the file has.
-
-    Returns
-    -------
-    dict
-        Figures of all settings.
-    """
+    """Run what the file does not have yet."""
     wanted = list(settings(starts))
     known = {} if anew else rows.read(out, Setting, FIGURES)
     found = {setting: known[setting] for setting in wanted if setting in known}
@@ -164,18 +121,7 @@ def _curves(found: Rows, name: str, speed: float) -> dict[str, object]:
 
 
 def table(found: Rows) -> str:
-    """THD at equal switching frequency, and how far capacitors go.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `study`.
-
-    Returns
-    -------
-    str
-        A Markdown table and a sentence.
-    """
+    """THD at equal switching frequency, and how far capacitors go."""
     lines = []
     for name, speed, hertz in itertools.product(DRIVES, SPEEDS, COMPARED):
         at = [thd_at(points, hertz) for points in _curves(found, name, speed).values()]
@@ -190,15 +136,7 @@ def table(found: Rows) -> str:
 
 
 def draw(found: Rows, path: Path) -> None:
-    """Draw THD over the switching frequency, a panel for each drive and speed.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `study`.
-    path : Path
-        PNG file.
-    """
+    """Draw THD over the switching frequency, a panel for each drive and speed."""
     plt = pyplot()
     figure, axes = plt.subplots(
         len(DRIVES), len(SPEEDS), figsize=(11.0, 6.6), sharex=True, sharey=True,
@@ -235,16 +173,6 @@ def draw(found: Rows, path: Path) -> None:
 
 
 def publish(found: Rows, page: Path, picture: Path) -> None:
-    """Write the table into its page, and the picture.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `study`.
-    page : Path
-        The page; its markers stay.
-    picture : Path
-        PNG file.
-    """
+    """Write the table into its page, and the picture."""
     tables.rewrite(page, {(BEGIN, END): table(found)})
     draw(found, picture)

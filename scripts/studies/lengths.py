@@ -41,20 +41,7 @@ Row = dict[str, Any]
 
 
 def errors(drive: Drive, result: ClosedLoopResult) -> np.ndarray:
-    """Predicted length of each choice less the ideal controller's of the same candidate.
-
-    Parameters
-    ----------
-    drive : Drive
-        Of the loop.
-    result : ClosedLoopResult
-        A loop that a variant closed.
-
-    Returns
-    -------
-    ndarray of int64
-        Steps, one for each search that found a candidate inside all bounds.
-    """
+    """Predicted length of each choice less the ideal controller's of the same candidate."""
     rows, decided = result.trace(), result.decisions
     parameters = ideal.ideal_parameters(drive)
     found = []
@@ -69,22 +56,7 @@ def errors(drive: Drive, result: ClosedLoopResult) -> np.ndarray:
 
 
 def point(bound: float, controller: str, starts: int, steps: int) -> list[Row]:
-    """Errors at a bound.
-
-    Parameters
-    ----------
-    bound : float
-        Half width, per unit.
-    controller : str
-        "paper" or "fast".
-    starts, steps : int
-        Loops, and control steps of each.
-
-    Returns
-    -------
-    list of dict
-        `COLUMNS`, one for each error that occurs.
-    """
+    """Errors at a bound."""
     made = [
         errors(*bounds.loop(bound, controller, "largest", start, steps)) for start in range(starts)
     ]
@@ -96,43 +68,14 @@ def point(bound: float, controller: str, starts: int, steps: int) -> list[Row]:
 
 
 def study(jobs: int, starts: int = STARTS, steps: int = bounds.STEPS) -> list[Row]:
-    """All rows.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes.
-    starts, steps : int
-        As of `point`.
-
-    Returns
-    -------
-    list of dict
-        As of `point`, by variant and bound.
-    """
+    """All rows."""
     wanted = [(bound, name, starts, steps) for name, bound in itertools.product(VARIANTS, BOUNDS)]
     with Pool(jobs) as pool:
         return [row for rows in pool.all("predicted lengths", point, wanted) for row in rows]
 
 
 def read(path: Path) -> list[Row]:
-    """Rows of a stored study.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    list of dict
-        As of `point`.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    """
+    """Rows of a stored study."""
     return [
         {
             "bound_pu": float(row["bound_pu"]), "controller": row["controller"],
@@ -143,20 +86,7 @@ def read(path: Path) -> list[Row]:
 
 
 def histogram(rows: Sequence[Row], controller: str) -> dict[int, float]:
-    """Share of the searches by the error of the length, over all bounds.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-    controller : str
-        "paper" or "fast".
-
-    Returns
-    -------
-    dict of int to float
-        Error in steps -> percent, from the least error to the largest.
-    """
+    """Share of the searches by the error of the length, over all bounds."""
     counts: dict[int, int] = {}
     for row in rows:
         if row["controller"] == controller:
@@ -166,18 +96,7 @@ def histogram(rows: Sequence[Row], controller: str) -> dict[int, float]:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Shares of searches by the size of the error.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
+    """Shares of searches by the size of the error."""
     lines = []
     for name in VARIANTS:
         shares = histogram(rows, name)
@@ -193,15 +112,7 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def draw(rows: Sequence[Row], path: Path) -> None:
-    """Draw the histogram.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-    path : Path
-        The PNG.
-    """
+    """Draw the histogram."""
     plt = pyplot()
     figure, axis = plt.subplots(figsize=(6.8, 3.6), layout="constrained")
     shares = {name: histogram(rows, name) for name in VARIANTS}
@@ -224,36 +135,13 @@ def draw(rows: Sequence[Row], path: Path) -> None:
 
 
 def publish(rows: Sequence[Row], page: Path = PAGE, picture: Path = PICTURE) -> None:
-    """Write table and picture.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-    page : Path
-        The page; its markers stay.
-    picture : Path
-        The PNG.
-
-    Raises
-    ------
-    MarkerError
-        If the page lacks the markers of the table.
-    """
+    """Write table and picture."""
     draw(rows, picture)
     tables.rewrite(page, {(BEGIN, END): table(rows)})
 
 
 def write(rows: Sequence[Row], path: Path) -> None:
-    """Store a study.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-    path : Path
-        The file.
-    """
+    """Store a study."""
     head = (
         f"drive: {bounds.DRIVE}, omega_s 1.0 pu, rated current, SE; {STARTS} starts of "
         f"{bounds.STEPS} steps",
@@ -263,22 +151,7 @@ def write(rows: Sequence[Row], path: Path) -> None:
 
 
 def regenerate(jobs: int, tables_only: bool) -> None:
-    """Run the study, or take its file, and publish.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes.
-    tables_only : bool
-        Whether the file is taken as it is.
-
-    Raises
-    ------
-    MarkerError
-        If the page lacks the markers of the table.
-    OSError
-        If the file cannot be read.
-    """
+    """Run the study, or take its file, and publish."""
     if not tables_only:
         write(study(jobs), REPORT)
     publish(read(REPORT))

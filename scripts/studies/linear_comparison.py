@@ -58,18 +58,7 @@ END = "<!-- table: end -->"
 
 
 def straight(values: Registers) -> Registers:
-    """The same registers without curvature.
-
-    Parameters
-    ----------
-    values : Registers
-        Of a drive.
-
-    Returns
-    -------
-    Registers
-        A copy.
-    """
+    """The same registers without curvature."""
     kept = {k: 0 if k.startswith("curvature_") else v for k, v in values.coefficients.items()}
     return dataclasses.replace(values, coefficients=kept)
 
@@ -112,23 +101,7 @@ class Controller:
     rows: Any
 
     def registers(self, drive: Drive) -> Registers:
-        """Its registers for a drive.
-
-        Parameters
-        ----------
-        drive : Drive
-            What it is set up for.
-
-        Returns
-        -------
-        Registers
-            Register values.
-
-        Raises
-        ------
-        ValueError
-            If the drive cannot be represented.
-        """
+        """Its registers for a drive."""
         if self.name == "paper":
             return registers(drive, "paper")
         if self.name == "paper, fast's unit":
@@ -137,20 +110,7 @@ class Controller:
         return chords if self.name == "fast" else straight(chords)
 
     def run(self, drive: Drive, trace: MpdccTrace) -> Decisions:
-        """Its decisions.
-
-        Parameters
-        ----------
-        drive : Drive
-            What it is set up for.
-        trace : MpdccTrace
-            n states, per unit.
-
-        Returns
-        -------
-        Decisions
-            One for each row.
-        """
+        """Its decisions."""
         return common.run_rows(self.rows, self.registers(drive).array(), trace)
 
 
@@ -170,20 +130,6 @@ def _decide_zero_sum(register, measurement, s_prev):
 
     Lengths are quotients (`common.search_length`), as Algorithm 2 finds them; the rest is the
     search of the fast variant under Paper A's deadlock rule.
-
-    Parameters
-    ----------
-    register : ndarray of int64
-        ``Registers.array()`` without curvature, see `straight`.
-    measurement : ndarray of int64, shape (13,)
-        In the order of ``formats.MEASUREMENTS``.
-    s_prev : ndarray of int64, shape (3,)
-        s(k-1).
-
-    Returns
-    -------
-    tuple of int
-        As ``paper.decide_words``.
     """
     order = np.empty((bit_true_fast.CANDIDATES, 5), dtype=np.int64)
     record = np.zeros(8, dtype=np.int64)
@@ -260,19 +206,7 @@ class Difference:
     def add(
         self, first: Decisions, second: Decisions, register: NDArray[np.int64], trace: MpdccTrace
     ) -> None:
-        """Count the decisions of one trace.
-
-        Parameters
-        ----------
-        first : Decisions
-            Of one controller, on every row.
-        second : Decisions
-            Of its neighbour, on every row.
-        register : NDArray[np.int64]
-            The first one's `Registers.array()`, shape (44,).
-        trace : MpdccTrace
-            The states, per unit.
-        """
+        """Count the decisions of one trace."""
         measurements, _ = common.encode(trace)
         s_prev = trace.s_prev.astype(np.int64)
         differs = np.flatnonzero(np.any(first.s != second.s, axis=1))
@@ -295,18 +229,7 @@ class Difference:
 
 
 def traces(steps: int = STEPS) -> Iterable[tuple[Drive, MpdccTrace]]:
-    """States of closed loops under the paper's controller, both drives, all speeds.
-
-    Parameters
-    ----------
-    steps : int
-        Control steps of each loop.
-
-    Yields
-    ------
-    tuple[Drive, MpdccTrace]
-        A drive, and the states of one loop.
-    """
+    """States of closed loops under the paper's controller, both drives, all speeds."""
     for name in DRIVES:
         drive = states.shipped(name)
         register = registers(drive, "paper").array()
@@ -321,22 +244,7 @@ def traces(steps: int = STEPS) -> Iterable[tuple[Drive, MpdccTrace]]:
 def compare(
     given: Iterable[tuple[Drive, MpdccTrace]],
 ) -> tuple[list[Difference], list[float], int]:
-    """Differences between neighbours, and each controller's from the ideal one.
-
-    Parameters
-    ----------
-    given : Iterable[tuple[Drive, MpdccTrace]]
-        Drives with states, from `traces`.
-
-    Returns
-    -------
-    differences
-        One less than there are controllers.
-    mismatch
-        Per controller, percent of the rows decided unlike the ideal controller.
-    rows
-        Number of them.
-    """
+    """Differences between neighbours, and each controller's from the ideal one."""
     differences = [Difference() for _ in CONTROLLERS[1:]]
     wrong = np.zeros(len(CONTROLLERS), dtype=np.int64)
     rows = 0
@@ -353,22 +261,7 @@ def compare(
 
 
 def table(differences: Sequence[Difference], mismatch: Sequence[float], rows: int) -> str:
-    """What `compare` found, as Markdown.
-
-    Parameters
-    ----------
-    differences : Sequence[Difference]
-        Between neighbours.
-    mismatch : Sequence[float]
-        Per controller, percent.
-    rows : int
-        Number of states.
-
-    Returns
-    -------
-    str
-        Markdown: a sentence and the table.
-    """
+    """What `compare` found, as Markdown."""
     commit, dirty = tools.git_state()
     head = (
         f"{rows} states of {len(DRIVES)} drives at {len(SPEEDS)} speeds, commit "

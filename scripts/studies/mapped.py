@@ -200,25 +200,7 @@ def _yosys(script: str, folder: Path) -> None:
 
 
 def mapped(entity: str, family: str) -> Path:
-    """The netlist of a core that Yosys maps: cells of the part.
-
-    Parameters
-    ----------
-    entity : str
-        A key of ``CORES``.
-    family : str
-        A key of ``FAMILIES``.
-
-    Returns
-    -------
-    Path
-        Below build/mapped; made only when the netlist, the script or Yosys has changed.
-
-    Raises
-    ------
-    ToolError
-        If a tool fails.
-    """
+    """The netlist of a core that Yosys maps: cells of the part."""
     netlist = conversion.cached(entity, CORES[entity][0])
     flow = f"{FLOWS[family]} -top {entity}"
     text = conversion.meaning(netlist.read_text(encoding="utf-8"))
@@ -234,27 +216,7 @@ def mapped(entity: str, family: str) -> Path:
 
 
 def simulated(entity: str, family: str, cells: str) -> str:
-    """A mapped netlist, its cells replaced by what they do.
-
-    Parameters
-    ----------
-    entity : str
-        A key of ``CORES``.
-    family : str
-        A key of ``FAMILIES``.
-    cells : str
-        Verilog of the netlist, as `mapped` writes it.
-
-    Returns
-    -------
-    str
-        Verilog without cells.
-
-    Raises
-    ------
-    ToolError
-        If Yosys fails, or a cell is used in a way that its model does not know.
-    """
+    """A mapped netlist, its cells replaced by what they do."""
     for parameters, cell, ends in _MULTIPLIER_CELL.findall(cells):
         if set(_SIGNED.findall(ends)) != {"A", "B"} or '"CLK' in parameters:
             raise ToolError(f"{entity}: multiplier {cell} is unsigned or has registers")
@@ -285,43 +247,12 @@ def _plain_multiplier(match: re.Match[str]) -> str:
 
 
 def differing(result: netlist_check.Result) -> int:
-    """Decisions that are not as they should be.
-
-    Parameters
-    ----------
-    result : netlist_check.Result
-        Of `check`.
-
-    Returns
-    -------
-    int
-        Each counts once, whatever differs in it.
-    """
+    """Decisions that are not as they should be."""
     return len({line.partition(":")[0] for line in result.mismatches})
 
 
 def check(entity: str, family: str, cells: str | None = None) -> netlist_check.Result:
-    """Run a core's vectors on one of its mapped netlists.
-
-    Parameters
-    ----------
-    entity : str
-        A key of ``CORES``.
-    family : str
-        A key of ``FAMILIES``.
-    cells : str | None
-        Another netlist than `mapped` writes.
-
-    Returns
-    -------
-    netlist_check.Result
-        With a line for each difference, and the clocks of each decision.
-
-    Raises
-    ------
-    ToolError
-        If a tool is missing or fails.
-    """
+    """Run a core's vectors on one of its mapped netlists."""
     generics, vectors = CORES[entity]
     rows = vectors()
     found = netlist_check.ports_of(conversion.cached(entity, generics), entity)

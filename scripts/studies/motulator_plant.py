@@ -51,17 +51,7 @@ def _plant(
     scenario: Scenario,
     inertia: float = math.inf,
 ) -> model.Drive:
-    """motulator's drive in a scenario's first state.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and dc-link voltage.
-    scenario : Scenario
-        First state, and the load over time.
-    inertia : float
-        kg*m^2; infinite: the speed is imposed.
-    """
+    """motulator's drive in a scenario's first state."""
     m = drive.machine
     machine = model.InductionMachine(_machine_parameters(drive))
     # The Gamma model's rotor flux from the T circuit's currents: i_r,T = i_r,Gamma * L_s/L_m
@@ -145,32 +135,7 @@ def simulate(
     *,
     inertia: float = math.inf,
 ) -> Run:
-    """Run a closed loop around motulator's plant.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        What the controller knows and the plant is.
-    scenario : Scenario
-        References, load and first state.
-    controller : str or Controller
-        "model" for the bit-true twin, "ideal" for float64, or an object with the method `decide` of
-        `directmpc.Controller`. It is asked once per control period, with an `MptcState`.
-    inertia : float
-        kg*m^2; infinite: the speed is imposed.
-
-    Returns
-    -------
-    Run
-        As our own plant's, `closed_loop.simulate`.
-
-    Raises
-    ------
-    StateError
-        If an answer is no decision.
-    ValueError
-        If there is no such engine.
-    """
+    """Run a closed loop around motulator's plant."""
     if isinstance(controller, str):
         controller = make_controller(drive, controller)
     periods = _Periods(drive, scenario, controller)
@@ -181,28 +146,6 @@ def simulate(
 
 
 def run_rtl(drive: MptcDrive, words: joined.Parameters, scenario: Scenario, inertia: float) -> Run:
-    """One scenario from a standstill without flux: the RTL, and motulator's machine and inverter.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        What controller and plant are.
-    words : joined.Parameters
-        Parameter ports of the RTL.
-    scenario : Scenario
-        References, load and first state.
-    inertia : float
-        kg*m^2; infinite: the speed is imposed.
-
-    Returns
-    -------
-    Run
-        As `simulate`.
-
-    Raises
-    ------
-    SimulationError
-        If the RTL differs from its twin in anything.
-    """
+    """One scenario from standstill without flux: the RTL with motulator's machine."""
     with mptc_drive_loop.controller(drive, words) as rtl:
         return simulate(drive, scenario, rtl, inertia=inertia)

@@ -53,22 +53,7 @@ class Observed:
 
 
 def observed(drive: MptcDrive, scenario: Scenario, plant: PlantParameters) -> Observed:
-    """A run on the observer's flux, begun with an estimate that is 20 % too small.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        What controller and observer are set up for.
-    scenario : Scenario
-        References, load and first state.
-    plant : PlantParameters
-        The machine, which may differ from the drive's.
-
-    Returns
-    -------
-    Observed
-        The run, and the estimated flux in every period, Wb.
-    """
+    """A run on the observer's flux, begun with an estimate that is 20 % too small."""
     words = joined.parameters(drive)
     state = joined.state_at(drive, words, scenario.current, 0.8 * scenario.flux)
     run = closed_loop.simulate(
@@ -82,24 +67,7 @@ def observed(drive: MptcDrive, scenario: Scenario, plant: PlantParameters) -> Ob
 
 
 def start(drive: MptcDrive, *, excited: bool, limit: float = 8.0, steps: int = 6000) -> Run:
-    """Start from standstill to 1500 r/min without flux, with or without pre-excitation (Fig. 21).
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    excited : bool
-        Whether pre-excitation comes first.
-    limit : float
-        Its current limit, A.
-    steps : int
-        Control periods.
-
-    Returns
-    -------
-    Run
-        Every control period.
-    """
+    """Start from standstill to 1500 r/min without flux, pre-excited or not (Fig. 21)."""
     scenario = Scenario(
         np.zeros(steps),
         np.full(steps, HIGH_SPEED_FLUX),
@@ -136,41 +104,14 @@ def _at_speed(
 
 
 def fundamental(run: Run | SequenceRun, first: int) -> float:
-    """Mean angular frequency of the stator flux.
-
-    Parameters
-    ----------
-    run : Run or SequenceRun
-        At least two control periods from `first` on.
-    first : int
-        Periods that are left out.
-
-    Returns
-    -------
-    float
-        rad/s, signed.
-    """
+    """Mean angular frequency of the stator flux."""
     flux = run.trace.psi_s[first:] @ np.array([1.0, 1.0j])
     angle = np.unwrap(np.angle(flux))
     return float(np.polyfit(np.arange(len(angle)) * run.ts, angle, 1)[0])
 
 
 def figures(run: Run, omega_s: float | None = None) -> dict[str, float]:
-    """Torque and flux ripple (standard deviations), switching frequency, and THD of the current.
-
-    Parameters
-    ----------
-    run : Run
-        Its first tenth is left out.
-    omega_s : float, optional
-        Fundamental, rad/s; that of the stator flux if not given.  A frequency that is 0.004 Hz off
-        turns a window of nine seconds by 13 degrees, which then counts as distortion.
-
-    Returns
-    -------
-    dict[str, float]
-        N*m, Wb, Hz, and percent by the names' endings.
-    """
+    """Torque and flux ripple (standard deviations), switching frequency, and THD of the current."""
     first = len(run.u) // 10
     changes = COMMUTATIONS[run.trace.u[first:-1], run.trace.u[first + 1 :]].sum()
     omega = fundamental(run, first) if omega_s is None else omega_s
@@ -188,20 +129,7 @@ def figures(run: Run, omega_s: float | None = None) -> dict[str, float]:
 
 
 def weight_runs(drive: MptcDrive, steps: int = 60_000) -> dict[str, Run]:
-    """Fig. 5: 1500 r/min without load behind a speed PI, MPTC over k_psi and MPFC.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    steps : int
-        Control periods of each run.
-
-    Returns
-    -------
-    dict[str, Run]
-        k_psi, or "MPFC" -> run.
-    """
+    """Fig. 5: 1500 r/min without load behind a speed PI, MPTC over k_psi and MPFC."""
     return {
         key: _at_speed(one, 1500.0, 0.0, HIGH_SPEED_FLUX, steps)
         for key, one in (
@@ -212,20 +140,7 @@ def weight_runs(drive: MptcDrive, steps: int = 60_000) -> dict[str, Run]:
 
 
 def low_speed_runs(drive: MptcDrive, steps: int = 200_000) -> dict[str, Run]:
-    """Figs. 6 and 9: 150 r/min without load behind a speed PI.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    steps : int
-        Control periods of each run.
-
-    Returns
-    -------
-    dict[str, Run]
-        k_psi, or "MPFC" -> run.
-    """
+    """Figs. 6 and 9: 150 r/min without load behind a speed PI."""
     return {
         key: _at_speed(one, 150.0, 0.0, RATED_FLUX, steps)
         for key, one in (
@@ -237,20 +152,7 @@ def low_speed_runs(drive: MptcDrive, steps: int = 200_000) -> dict[str, Run]:
 
 
 def band_limited(run: Run, highest: float) -> float:
-    """THD of the current from components up to `highest` Hz alone, %; whole periods.
-
-    Parameters
-    ----------
-    run : Run
-        Its first tenth is left out.
-    highest : float
-        Hz.
-
-    Returns
-    -------
-    float
-        Percent of the fundamental.
-    """
+    """THD of the current from components up to `highest` Hz alone, %; whole periods."""
     first = len(run.u) // 10
     omega = fundamental(run, first)
     x = run.trace.i_s[first:, 0]
@@ -264,25 +166,7 @@ def band_limited(run: Run, highest: float) -> float:
 
 
 def distortion(drive: MptcDrive, steps: int = 200_000) -> dict[str, float]:
-    """What the THD at 150 r/min without load (paper: 8.90 %) depends on, one thing at a time, %.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    steps : int
-        Control periods of each run.
-
-    Returns
-    -------
-    dict[str, float]
-        What was changed -> THD, percent.
-
-    Raises
-    ------
-    DriveFileError
-        If the drive file of the other machine is not right.
-    """
+    """What the THD at 150 r/min without load (paper: 8.90 %) depends on, one thing at a time, %."""
     base = _at_speed(drive, 150.0, 0.0, RATED_FLUX, steps)
     imposed = closed_loop.simulate(
         drive, closed_loop.constant(drive, 150.0, 0.0, RATED_FLUX, steps)
@@ -310,26 +194,7 @@ def distortion(drive: MptcDrive, steps: int = 200_000) -> dict[str, float]:
 
 
 def step_run(drive: MptcDrive, rpm: float, psi_ref: float, begin: int, steps: int = 1000) -> Run:
-    """Torque reference from 0 to 120 % in step `begin`, imposed speed (Fig. 30).
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    rpm : float
-        Speed, r/min.
-    psi_ref : float
-        Reference of the stator flux, Wb.
-    begin : int
-        Number of the step.
-    steps : int
-        Control periods.
-
-    Returns
-    -------
-    Run
-        Every control period.
-    """
+    """Torque reference from 0 to 120 % in step `begin`, imposed speed (Fig. 30)."""
     scenario = closed_loop.constant(drive, rpm, 0.0, psi_ref, steps)
     wanted = np.where(np.arange(steps) < begin, 0.0, 1.2 * RATED_TORQUE)
     return closed_loop.simulate(drive, replace(scenario, torque_ref=wanted))
@@ -356,20 +221,6 @@ def torque_steps(
 
     Rise time from 10 to 90 % (mean and longest), time from the step to 95 % (longest), and
     `_voltage_bound`, ms; a time is missing where the torque is not reached within 40 ms.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    psi_ref : float
-        Reference of the stator flux, Wb.
-    starts : int
-        Flux angles at each speed.
-
-    Returns
-    -------
-    dict[str, dict[str, float]]
-        Speed in r/min -> times, ms.
     """
     rows = {}
     final = 1.2 * RATED_TORQUE
@@ -394,20 +245,7 @@ def torque_steps(
 
 
 def saturated_link(drive: MptcDrive, steps: int = 40_000) -> dict[str, dict[str, float]]:
-    """1500 r/min with rated torque asked for, by flux reference: torque and flux that come out.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    steps : int
-        Control periods of each run.
-
-    Returns
-    -------
-    dict[str, dict[str, float]]
-        Flux reference and engine -> N*m and Wb.
-    """
+    """1500 r/min with rated torque asked for, by flux reference: torque and flux that come out."""
     rows = {}
     for psi_ref in (RATED_FLUX, HIGH_SPEED_FLUX):
         scenario = closed_loop.constant(drive, 1500.0, RATED_TORQUE, psi_ref, steps)
@@ -421,20 +259,7 @@ def saturated_link(drive: MptcDrive, steps: int = 40_000) -> dict[str, dict[str,
 
 
 def robustness(drive: MptcDrive, steps: int = 20_000) -> dict[str, dict[str, float]]:
-    """Fig. 1: resistances of the machine 50 % and 100 % above the controller's, on the observer.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        What controller and observer are set up for.
-    steps : int
-        Control periods of each run; figures are of the second half.
-
-    Returns
-    -------
-    dict[str, dict[str, float]]
-        Speed and factor -> Wb and N*m.
-    """
+    """Fig. 1: resistances of the machine 50 % and 100 % above the controller's, on the observer."""
     rows = {}
     for rpm in (150.0, 1500.0):
         for factor in (1.0, 1.5, 2.0):
@@ -452,18 +277,7 @@ def robustness(drive: MptcDrive, steps: int = 20_000) -> dict[str, dict[str, flo
 
 
 def starts(drive: MptcDrive) -> dict[str, dict[str, float]]:
-    """Fig. 21: start with MPFC, without and with pre-excitation.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-
-    Returns
-    -------
-    dict[str, dict[str, float]]
-        "without" and "with" -> A and ms.
-    """
+    """Fig. 21: start with MPFC, without and with pre-excitation."""
     rows = {}
     one = drive.with_control(method="MPFC")
     for key, excited in (("without", False), ("with", True)):
@@ -478,21 +292,7 @@ def starts(drive: MptcDrive) -> dict[str, dict[str, float]]:
 
 
 def fidelity(drive: MptcDrive, steps: int = 20_000) -> dict[str, dict[str, float]]:
-    """Decisions against ideal: three speeds, both rotations; no load, motoring, generating.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    steps : int
-        Control periods at each point.
-
-    Returns
-    -------
-    dict[str, dict[str, float]]
-        Method, speed and load -> steps, percent, and the largest lead of ideal's choice in N*m or
-        Wb.
-    """
+    """Decisions against ideal: three speeds, both rotations; no load, motoring, generating."""
     rows = {}
     for method in ("MPTC", "MPFC"):
         one = drive.with_control(method=method)
@@ -510,21 +310,7 @@ def fidelity(drive: MptcDrive, steps: int = 20_000) -> dict[str, dict[str, float
 
 
 def methods(drive: MptcDrive, seconds: float = 3.0) -> dict[str, dict[str, float]]:
-    """Every method at 150 r/min without load behind a speed PI, with the bit-true twin (Fig. 9).
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and full scales; the duty rule deadbeat.
-    seconds : float
-        Length of each run, s.
-
-    Returns
-    -------
-    dict[str, dict[str, float]]
-        Method -> distortion of the current, sampled inside the period, and vectors that differ
-        from the ideal controller's, both in percent.
-    """
+    """Every method at 150 r/min without load behind a speed PI, with the bit-true twin (Fig. 9)."""
     rows = {}
     for method, ts in PERIODS.items():
         one = drive.with_control(method=method, ts=ts, duty_rule="deadbeat")
@@ -544,18 +330,7 @@ def methods(drive: MptcDrive, seconds: float = 3.0) -> dict[str, dict[str, float
 
 
 def results(drive: MptcDrive) -> dict[str, object]:
-    """All of them for a drive.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-
-    Returns
-    -------
-    dict[str, object]
-        Name of the study -> its figures.
-    """
+    """All of them for a drive."""
     return {
         "weights": {key: figures(run) for key, run in weight_runs(drive).items()},
         "low_speed": {key: figures(run) for key, run in low_speed_runs(drive).items()},

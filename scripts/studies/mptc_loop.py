@@ -77,25 +77,7 @@ class Point:
 
     @classmethod
     def of(cls, drive: MptcDrive, rpm: float | None = None) -> Point:
-        """A speed with the usual torque and flux.
-
-        Parameters
-        ----------
-        drive : MptcDrive
-            Its full scales count.
-        rpm : float, optional
-            Mechanical speed, r/min; the usual one without.
-
-        Returns
-        -------
-        Point
-            Within the drive's full scales.
-
-        Raises
-        ------
-        ValueError
-            If the speed is beyond the drive's full scale.
-        """
+        """A speed with the usual torque and flux."""
         c = drive.control
         full = c.speed_max / drive.machine.pole_pairs / RPM
         if rpm is not None and not abs(rpm) <= full:
@@ -157,13 +139,7 @@ class Run:
 
     @property
     def controller(self) -> str:
-        """What decided.
-
-        Returns
-        -------
-        str
-            Entity and simulation.
-        """
+        """What decided."""
         return f"{_entity(self.drive)} in RTL simulation"
 
 
@@ -234,37 +210,7 @@ def simulate(
     errors: MptcErrors = NO_ERRORS,
     factors: Mapping[str, float] | None = None,
 ) -> Run:
-    """Run a closed loop from the steady state without load, on the RTL.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        What the controller is set up for; the plant's too, but for `factors`.
-    point : Point
-        What is asked for.
-    steps : int, optional
-        Control periods; without, ``PERIODS`` periods of the rotor's electrical speed, but at most
-        ``MOST_STEPS``.
-    waves : Path, optional
-        File for every signal of the simulation (FST).
-    errors : MptcErrors
-        Of sensors and switches; none unless given.
-    factors : mapping of str to float, optional
-        Of the plant's machine, from 0.5 to 1.5, as of `plant_with`.
-
-    Returns
-    -------
-    Run
-        Decisions and states, with what model and ideal controller decide on the same states.
-
-    Raises
-    ------
-    ValueError
-        If the drive cannot be represented or have such errors, or a factor is none; the message
-        names the key.
-    SimulationError
-        If the simulation fails.
-    """
+    """Run a closed loop from the steady state without load, on the RTL."""
     factors = dict(factors or {})
     real = plant_with(drive, factors)
     assert isinstance(real, MptcDrive)
@@ -300,18 +246,7 @@ def simulate(
 
 
 def signals(drive: MptcDrive) -> dict[str, list[Signal]]:
-    """Ports of the drive's core as a view of its signals groups them.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Its method decides which core it is.
-
-    Returns
-    -------
-    dict of str to list of Signal
-        Heading -> ports; words are shown as integers, in LSB of their formats.
-    """
+    """Ports of the drive's core as a view of its signals groups them."""
     family = drive.control.sequences
     groups: dict[str, list[Signal]] = {
         "handshake": [(name, 1, False) for name in ("clk", "rst", "start", "busy", "valid")],
@@ -339,18 +274,7 @@ def signals(drive: MptcDrive) -> dict[str, list[Signal]]:
 
 
 def advice(run: Run) -> str:
-    """Which full scales of the drive file were exceeded, or that the torque was not reached.
-
-    Parameters
-    ----------
-    run : Run
-        The loop.
-
-    Returns
-    -------
-    str
-        One sentence; empty where there is nothing to say.
-    """
+    """Which full scales of the drive file were exceeded, or that the torque was not reached."""
     if not run.decisions.saturated.any():
         return _of_torque(run)
     trace = run.trace
@@ -387,18 +311,7 @@ def _settled(run: Run) -> slice:
 
 
 def outcome(run: Run) -> Table:
-    """What the drive did.
-
-    Parameters
-    ----------
-    run : Run
-        The loop.
-
-    Returns
-    -------
-    Table
-        For a terminal.
-    """
+    """What the drive did."""
     n = len(run)
     last = _settled(run)
     flux, cycles = np.hypot(*run.trace.psi_s.T), run.decisions.cycles
@@ -436,20 +349,7 @@ def outcome(run: Run) -> Table:
 
 
 def vectors(run: Run) -> tuple[FloatArray, IntArray]:
-    """Voltage vectors in the order in which they are applied.
-
-    Parameters
-    ----------
-    run : Run
-        The loop, n control periods.
-
-    Returns
-    -------
-    begins : ndarray of float64, shape (m + 1,)
-        Control periods from the start of the run; the last is the end.
-    numbers : ndarray of int64, shape (m,)
-        Of the vectors, 0 to 7; those of a period that take no time are left out.
-    """
+    """Voltage vectors in the order in which they are applied."""
     applied = run.trace.sequences()
     last = 1.0 - applied.times.sum(axis=1)
     shares = np.clip(np.column_stack([applied.times, last]), 0.0, 1.0)
@@ -460,35 +360,14 @@ def vectors(run: Run) -> tuple[FloatArray, IntArray]:
 
 
 def switching_frequency(run: Run) -> float:
-    """Mean switching frequency of the six devices: how often each turns on, a second.
-
-    Parameters
-    ----------
-    run : Run
-        The loop.
-
-    Returns
-    -------
-    float
-        Hz.
-    """
+    """Mean switching frequency of the six devices: how often each turns on, a second."""
     _, numbers = vectors(run)
     changes = COMMUTATIONS[numbers[:-1], numbers[1:]].sum()
     return float(changes) / 2.0 / 3.0 / (len(run) * run.drive.control.ts)
 
 
 def draw(run: Run, name: str, path: Path) -> None:
-    """Draw torque, flux, currents, vectors, switch states and a phase voltage into a PNG file.
-
-    Parameters
-    ----------
-    run : Run
-        The loop.
-    name : str
-        What the drive is called.
-    path : Path
-        PNG file; its folder is made.
-    """
+    """Draw torque, flux, currents, vectors, switch states and a phase voltage into a PNG file."""
     plt = pyplot()
     ts = 1e3 * run.drive.control.ts
     t = ts * np.arange(len(run))

@@ -52,13 +52,7 @@ def _machine(
 
 
 def machines() -> dict[str, MptcDrive]:
-    """Drives by name.
-
-    Returns
-    -------
-    dict of str to MptcDrive
-        Those that ship, 4 kW and 75 kW.
-    """
+    """Drives by name."""
     return {
         **{name: load_mptc_drive(DRIVES / f"{name}.toml")
            for name in ("induction_2kw2", "motulator_2kw2")},
@@ -68,42 +62,14 @@ def machines() -> dict[str, MptcDrive]:
 
 
 def breakdown(drive: MptcDrive, psi_ref: float) -> float:
-    """Largest steady torque at a flux.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine.
-    psi_ref : float
-        Wb.
-
-    Returns
-    -------
-    float
-        N*m.
-    """
+    """Largest steady torque at a flux."""
     m = drive.machine
     sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)
     return 0.75 * m.pole_pairs * (m.lm / m.ls) ** 2 * psi_ref**2 / (sigma * m.lr)
 
 
 def periods(drive: MptcDrive, seed: int, count: int) -> MptcTrace:
-    """Random periods: any flux, load and angle, speeds that the dc link allows, and a ripple.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Full scales and machine.
-    seed : int
-        Of the random numbers.
-    count : int
-        Periods.
-
-    Returns
-    -------
-    MptcTrace
-        With sequences of a vector and zero, or one that stands a leg apart; times are steps.
-    """
+    """Random periods: any flux, load and angle, speeds that the dc link allows, and a ripple."""
     rng = np.random.default_rng(seed)
     c, m = drive.control, drive.machine
     way = 2.0 / 3.0 * drive.inverter.vdc * c.ts
@@ -195,22 +161,7 @@ def _lead(
 
 
 def difference(drive: MptcDrive, trace: MptcTrace, seen: MptcTrace | None = None) -> Difference:
-    """Compare the bit-true decisions with the ideal ones.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        With its method.
-    trace : MptcTrace
-        Periods.
-    seen : MptcTrace, optional
-        What the bit-true controller sees instead.
-
-    Returns
-    -------
-    Difference
-        Counts.
-    """
+    """Compare the bit-true decisions with the ideal ones."""
     seen = seen or trace
     several = drive.control.method in SEQUENCE_METHODS
     if several:
@@ -247,20 +198,7 @@ def difference(drive: MptcDrive, trace: MptcTrace, seen: MptcTrace | None = None
 
 
 def sweep(count: int, methods: Sequence[str] = tuple(PERIODS)) -> dict[tuple[str, str], Difference]:
-    """All methods on all machines, each at the control period of Paper B.
-
-    Parameters
-    ----------
-    count : int
-        Periods of each.
-    methods : Sequence of str
-        Some or all of them.
-
-    Returns
-    -------
-    dict of tuple of str to Difference
-        By machine and method.
-    """
+    """All methods on all machines, each at the control period of Paper B."""
     return {
         (name, method): difference(given, periods(given, 1, count))
         for name, drive in machines().items()
@@ -270,18 +208,7 @@ def sweep(count: int, methods: Sequence[str] = tuple(PERIODS)) -> dict[tuple[str
 
 
 def table(found: dict[tuple[str, str], Difference]) -> str:
-    """Shares by method and machine, for reports/mptc.md.
-
-    Parameters
-    ----------
-    found : dict of tuple of str to Difference
-        As `sweep` returns it.
-
-    Returns
-    -------
-    str
-        Markdown.
-    """
+    """Shares by method and machine, for reports/mptc.md."""
     names = list(dict.fromkeys(name for name, _ in found))
     lines = ["| vectors / times that differ, % | " + " | ".join(names) + " | all |"]
     lines.append("| --- |" + " ---: |" * (len(names) + 1))

@@ -97,18 +97,7 @@ class Setting:
 
 
 def settings(count: int) -> Iterator[Setting]:
-    """All closed loops of the study, in order.
-
-    Parameters
-    ----------
-    count : int
-        Random drives.
-
-    Yields
-    ------
-    Setting
-        The next one.
-    """
+    """All closed loops of the study, in order."""
     for number in range(count):
         for method in METHODS:
             for case in CASES:
@@ -116,22 +105,7 @@ def settings(count: int) -> Iterator[Setting]:
 
 
 def drive_of(number: int, method: str) -> tuple[MptcDrive, float, float, float]:
-    """A random drive with its operating point.
-
-    Parameters
-    ----------
-    number : int
-        Of the drive.
-    method : str
-        MPTC or MPFC.
-
-    Returns
-    -------
-    drive : MptcDrive
-        Machine and control period within half and one and a half of the 2.2 kW drive's.
-    rpm, torque, flux : float
-        Speed (1/min), torque (N*m) and stator flux (Wb) that it holds.
-    """
+    """A random drive with its operating point."""
     rng = np.random.default_rng(number)
     base = load_mptc_drive(ROOT / "drives" / "induction_2kw2.toml").with_control(method=method)
     m = base.machine
@@ -154,20 +128,7 @@ def drive_of(number: int, method: str) -> tuple[MptcDrive, float, float, float]:
 
 
 def plant_of(drive: MptcDrive, case: Case) -> PlantParameters:
-    """The machine of a loop.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        The controller's.
-    case : Case
-        Its factors count.
-
-    Returns
-    -------
-    PlantParameters
-        SI; the speed is imposed.
-    """
+    """The machine of a loop."""
     m = drive.machine
     return plant_parameters(drive, rs=case.resistance, rr=case.resistance)._replace(
         ls=m.lm + (m.ls - m.lm) * case.leakage, lr=m.lm + (m.lr - m.lm) * case.leakage
@@ -175,18 +136,7 @@ def plant_of(drive: MptcDrive, case: Case) -> PlantParameters:
 
 
 def errors_of(setting: Setting) -> MptcErrors:
-    """What the sensors of a loop do.
-
-    Parameters
-    ----------
-    setting : Setting
-        The loop.
-
-    Returns
-    -------
-    MptcErrors
-        SI; the noise of a drive is the same in all of its loops but for its size.
-    """
+    """What the sensors of a loop do."""
     case = CASES[setting.case]
     return MptcErrors(
         noise_current=case.noise * RATED_CURRENT,
@@ -198,20 +148,7 @@ def errors_of(setting: Setting) -> MptcErrors:
 
 
 def loop(setting: Setting, seconds: float = SECONDS) -> dict[str, Any]:
-    """Run a closed loop.
-
-    Parameters
-    ----------
-    setting : Setting
-        The loop.
-    seconds : float
-        Time that counts, after `SETTLE`.
-
-    Returns
-    -------
-    dict
-        The setting and its figures; ``torque_nm`` is the torque that was asked for.
-    """
+    """Run a closed loop."""
     case = CASES[setting.case]
     drive, rpm, torque, flux = drive_of(setting.number, setting.method)
     settle = round(SETTLE / drive.control.ts)
@@ -233,18 +170,7 @@ def loop(setting: Setting, seconds: float = SECONDS) -> dict[str, Any]:
 
 
 def read(path: Path) -> dict[Setting, dict[str, float]]:
-    """Rows of a study's file.
-
-    Parameters
-    ----------
-    path : Path
-        It may not exist, or end in the middle of a row: that one is left out.
-
-    Returns
-    -------
-    dict
-        Figures by setting.
-    """
+    """Rows of a study's file."""
     if not path.exists():
         return {}
     found = {}
@@ -272,26 +198,7 @@ def _write(path: Path, rows: dict[Setting, dict[str, float]]) -> None:
 def study(
     out: Path, jobs: int, count: int, *, anew: bool = False, scheduler: str | None = None
 ) -> dict[Setting, dict[str, float]]:
-    """Run what the file does not have yet.
-
-    Parameters
-    ----------
-    out : Path
-        The file; it is written every now and then.
-    jobs : int
-        Processes.
-    count : int
-        Random drives.
-    anew : bool
-        Whether all loops are run, whatever the file has.
-    scheduler : str | None
-        Of a Dask cluster that runs them; None for processes of this machine.
-
-    Returns
-    -------
-    dict
-        Figures of all settings.
-    """
+    """Run what the file does not have yet."""
     wanted = list(settings(count))
     rows = {} if anew else {k: v for k, v in read(out).items() if k in set(wanted)}
     missing = [setting for setting in wanted if setting not in rows]
@@ -307,18 +214,7 @@ def study(
 
 
 def table(rows: dict[Setting, dict[str, float]]) -> str:
-    """What errors change with MPTC, over the random drives.
-
-    Parameters
-    ----------
-    rows : dict
-        Of `study`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
+    """What errors change with MPTC, over the random drives."""
     numbers = sorted({setting.number for setting in rows})
     lines = []
     for case in list(CASES)[1:]:
@@ -338,13 +234,5 @@ def table(rows: dict[Setting, dict[str, float]]) -> str:
 
 
 def publish(rows: dict[Setting, dict[str, float]], page: Path) -> None:
-    """Write the table into its page.
-
-    Parameters
-    ----------
-    rows : dict
-        Of `study`.
-    page : Path
-        The page; its markers stay.
-    """
+    """Write the table into its page."""
     tables.rewrite(page, {(BEGIN, END): table(rows)})

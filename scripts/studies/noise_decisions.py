@@ -54,36 +54,13 @@ class Setting:
 
 
 def settings() -> Iterator[Setting]:
-    """All closed loops, in order.
-
-    Yields
-    ------
-    Setting
-        The next one.
-    """
+    """All closed loops, in order."""
     for one in itertools.product(DRIVES, HORIZONS, RULES, SPEEDS, BOUNDS):
         yield Setting(*one)
 
 
 def loop(setting: Setting, steps: int = STEPS, rtl_rows: int | None = None) -> dict[str, Any]:
-    """Run a closed loop.
-
-    Parameters
-    ----------
-    setting : Setting
-        The loop.
-    steps : int
-        Control steps that count.
-    rtl_rows : int, optional
-        How many of them the simulated RTL decides; `RTL_ROWS` if not given.
-
-    Returns
-    -------
-    dict
-        The setting; steps, those whose decision is not the ideal controller's, those that were
-        searched, and deadlocks; steps that the RTL decided, and those in which any field is not
-        its model's.
-    """
+    """Run a closed loop."""
     drive = states.shipped(setting.drive).with_control(
         bound_current=setting.bound,
         switching_horizon=setting.horizon,
@@ -104,47 +81,14 @@ def loop(setting: Setting, steps: int = STEPS, rtl_rows: int | None = None) -> d
 
 
 def read(path: Path = REPORT) -> dict[Setting, dict[str, float]]:
-    """Rows of the file.
-
-    Parameters
-    ----------
-    path : Path
-        It may not exist, or end in the middle of a row: that one is left out.
-
-    Returns
-    -------
-    dict
-        Figures by setting.
-    """
+    """Rows of the file."""
     return stored_rows.read(path, Setting, FIGURES)
 
 
 def study(
     out: Path, jobs: int, *, anew: bool = False, scheduler: str | None = None
 ) -> dict[Setting, dict[str, float]]:
-    """Run what the file does not have yet.
-
-    Parameters
-    ----------
-    out : Path
-        The file.
-    jobs : int
-        Processes.
-    anew : bool
-        Whether all loops are run, whatever the file has.
-    scheduler : str | None
-        Of a Dask cluster that runs them; None for processes of this machine.
-
-    Returns
-    -------
-    dict
-        Figures of all settings.
-
-    Raises
-    ------
-    NoiseError
-        If the RTL decided otherwise than its model.
-    """
+    """Run what the file does not have yet."""
     rows = stored_rows.study(
         "decisions under noise", loop, settings(), FIGURES, out, jobs,
         anew=anew, scheduler=scheduler,
@@ -156,19 +100,7 @@ def study(
 
 
 def shares(rows: Mapping[Setting, Mapping[str, float]]) -> dict[str, dict[str, dict[str, float]]]:
-    """Decisions that differ, of all points.
-
-    Parameters
-    ----------
-    rows : mapping
-        As of `read`.
-
-    Returns
-    -------
-    dict
-        By rule and horizon: `points`, `steps`, `mismatch_pct`, `worst_pct` of a point, and
-        `rtl_rows`.
-    """
+    """Decisions that differ, of all points."""
     found: dict[str, dict[str, dict[str, float]]] = {}
     for rule, horizon in itertools.product(RULES, HORIZONS):
         mine = [v for k, v in rows.items() if (k.rule, k.horizon) == (rule, horizon)]

@@ -102,28 +102,7 @@ def run(
     steps: int | None = None,
     begin: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Estimates and true rotor fluxes of a run, per unit, complex.
-
-    Parameters
-    ----------
-    drive : Drive
-        What controller and observer are set up for.
-    omega_s : float
-        Stator frequency, pu.
-    factors : dict of float, optional
-        On the plant's machine parameters; "speed": on the measured speed.
-    crossover : float
-        Of the observer, pu.
-    steps : int, optional
-        Control periods; two rotor time constants without it.
-    begin : float
-        Share of the true flux that the observer begins with.
-
-    Returns
-    -------
-    tuple of ndarray
-        Estimates and true fluxes, one for each period.
-    """
+    """Estimates and true rotor fluxes of a run, per unit, complex."""
     factors = dict(factors or {})
     measured = factors.pop("speed", 1.0)
     machine = drive.machine
@@ -158,20 +137,7 @@ def run(
 
 
 def error(estimate: np.ndarray, flux: np.ndarray) -> Error:
-    """Error over the last eighth of a run.
-
-    Parameters
-    ----------
-    estimate : np.ndarray
-        Rotor flux, complex, one for each period.
-    flux : np.ndarray
-        The true one, complex, one for each period.
-
-    Returns
-    -------
-    Error
-        Magnitude, vector and worst in percent, angle in degrees, flux in the unit of `flux`.
-    """
+    """Error over the last eighth of a run."""
     last = slice(len(flux) - len(flux) // 8, None)
     ratio = estimate[last] / flux[last]
     return Error(
@@ -260,20 +226,7 @@ def _plot(rows: list[dict[str, object]], name_of: str, path: Path) -> None:
 
 
 def study(drive_file: str | Path = ROOT / "drives" / "anpc5l_6kv.toml") -> None:
-    """Write CSV, plot and table for a drive.
-
-    Parameters
-    ----------
-    drive_file : str | Path
-        Of an MPDCC drive.
-
-    Raises
-    ------
-    DriveFileError
-        If it is not right.
-    MarkerError
-        If the page lacks the markers of the table.
-    """
+    """Write CSV, plot and table for a drive."""
     drive = states.of_file(drive_file)
     rows = _table(drive)
     tools.write(ROOT / "reports" / "observer.csv", tables.csv_text(rows))
@@ -282,20 +235,7 @@ def study(drive_file: str | Path = ROOT / "drives" / "anpc5l_6kv.toml") -> None:
 
 
 def write_page(page: Path = ROOT / "docs" / "observer.md") -> None:
-    """Bring the table of the page up to date with reports/observer.csv.
-
-    Parameters
-    ----------
-    page : Path
-        The page.
-
-    Raises
-    ------
-    MarkerError
-        If it lacks the markers of the table.
-    OSError
-        If the study has not been run.
-    """
+    """Bring the table of the page up to date with reports/observer.csv."""
     rows: list[dict[str, object]] = [
         {name: value if name == "mismatch" else float(value) for name, value in row.items()}
         for row in tables.read_csv(ROOT / "reports" / "observer.csv")

@@ -56,28 +56,7 @@ class Setting:
 
 @njit
 def decide_widened(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """Decide as ``ideal.decide`` does, with bounds max(bound, |start|) in the search.
-
-    Parameters
-    ----------
-    parameters : IdealParameters
-        Of the rule "dead".
-    x_m, x_inv : ndarray of float64, shape (4,)
-        As of ``ideal.decide``.
-    vdc : float
-        As of ``ideal.decide``.
-    iref : ndarray of float64, shape (2,)
-        As of ``ideal.decide``.
-    omega_s, omega_r : float
-        As of ``ideal.decide``.
-    s_prev : ndarray of int64, shape (3,)
-        As of ``ideal.decide``.
-
-    Returns
-    -------
-    s_a, s_b, s_c, held, deadlock, length, saturated : int
-        As of ``ideal.decide``.
-    """
+    """Decide as ``ideal.decide`` does, with bounds max(bound, |start|) in the search."""
     given = (x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev)
     strict = ideal.decide(parameters, *given)
     if strict[3]:  # held
@@ -98,13 +77,7 @@ def decide_widened(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 
 
 def settings() -> Iterator[Setting]:
-    """All closed loops, in order.
-
-    Yields
-    ------
-    Setting
-        The next one.
-    """
+    """All closed loops, in order."""
     for start, name, horizon, speed, case in itertools.product(
         range(STARTS), robustness.DRIVES, ("SE", "SESE"), robustness.SPEEDS, CASES
     ):
@@ -112,20 +85,7 @@ def settings() -> Iterator[Setting]:
 
 
 def loop(setting: Setting, steps: int = STEPS) -> dict[str, Any]:
-    """Run a closed loop.
-
-    Parameters
-    ----------
-    setting : Setting
-        The loop.
-    steps : int
-        Control steps that count.
-
-    Returns
-    -------
-    dict
-        The setting and ``FIGURES``, which are those of ``robustness.loop``.
-    """
+    """Run a closed loop."""
     rule = "inwards" if setting.rule == "inwards" else "dead"
     drive = robustness.drive_of(
         robustness.Setting(
@@ -157,42 +117,14 @@ def loop(setting: Setting, steps: int = STEPS) -> dict[str, Any]:
 
 
 def read(path: Path = REPORT) -> dict[Setting, dict[str, float]]:
-    """Rows of the file.
-
-    Parameters
-    ----------
-    path : Path
-        It may not exist, or end in the middle of a row: that one is left out.
-
-    Returns
-    -------
-    dict
-        Figures by setting.
-    """
+    """Rows of the file."""
     return rows.read(path, Setting, FIGURES)
 
 
 def study(
     out: Path, jobs: int, *, anew: bool = False, scheduler: str | None = None
 ) -> dict[Setting, dict[str, float]]:
-    """Run what the file does not have yet.
-
-    Parameters
-    ----------
-    out : Path
-        The file.
-    jobs : int
-        Processes.
-    anew : bool
-        Whether all loops are run, whatever the file has.
-    scheduler : str | None
-        Of a Dask cluster that runs them; None for processes of this machine.
-
-    Returns
-    -------
-    dict
-        Figures of all settings.
-    """
+    """Run what the file does not have yet."""
     return rows.study(
         "rules for what is outside", loop, settings(), FIGURES, out, jobs,
         anew=anew, scheduler=scheduler,

@@ -166,39 +166,13 @@ class Curves:
 
 
 def with_controller(drive: MptcDrive, method: str, rule: str, k_psi: float) -> MptcDrive:
-    """The drive with another method at the paper's control period.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and full scales.
-    method, rule : str
-        Method and duty rule. "FOC" makes a drive that `FocController` takes.
-    k_psi : float
-        N*m/Wb.
-
-    Returns
-    -------
-    MptcDrive
-        `drive` is not changed.
-    """
+    """The drive with another method at the paper's control period."""
     served = "SVM" if method == "FOC" else method
     return drive.with_control(method=served, duty_rule=rule, k_psi=k_psi, ts=PERIODS[method])
 
 
 def tuning_of(method: str) -> FocTuning | None:
-    """Tuning of a method in all studies but the slow torque step.
-
-    Parameters
-    ----------
-    method : str
-        As for `with_controller`.
-
-    Returns
-    -------
-    FocTuning or None
-        None for the predictive methods.
-    """
+    """Tuning of a method in all studies but the slow torque step."""
     return TUNING if method == "FOC" else None
 
 
@@ -220,20 +194,7 @@ def _all_pairs(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
 
 
 def controller_of(drive: MptcDrive, name: str) -> tuple[Any, Any] | None:
-    """Controller of a name of `UNLOADED` or `LOADED` that is not the bit-true model.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        As of `with_controller`.
-    name : str
-        Of the controller.
-
-    Returns
-    -------
-    tuple or None
-        As `sequence_loop.simulate` takes it; None for the bit-true model.
-    """
+    """Controller of a name of `UNLOADED` or `LOADED` that is not the bit-true model."""
     if name == "FOC":
         return foc.decide, foc.parameters(drive, TUNING)
     if name == ALL_PAIRS:
@@ -273,24 +234,7 @@ def steady(
     seconds: float = SECONDS,
     controller: tuple[Any, Any] | None = None,
 ) -> SequenceRun:
-    """Hold a speed behind the speed PI, begun in the steady state.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    rpm, load, psi_ref : float
-        r/min, N*m, Wb.
-    seconds : float
-        Length, s.
-    controller : tuple, optional
-        As of `controller_of`.
-
-    Returns
-    -------
-    SequenceRun
-        Every control period.
-    """
+    """Hold a speed behind the speed PI, begun in the steady state."""
     steps = round(seconds / drive.control.ts)
     scenario = _with_pi(
         closed_loop.constant(drive, rpm, load, psi_ref, steps), np.full(steps, rpm * RPM)
@@ -307,24 +251,7 @@ def loaded(
     seconds: float = SECONDS,
     controller: tuple[Any, Any] | None = None,
 ) -> SequenceRun:
-    """Rated torque at an imposed speed.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    rpm, psi_ref : float
-        r/min, Wb.
-    seconds : float
-        Length, s.
-    controller : tuple, optional
-        As of `controller_of`.
-
-    Returns
-    -------
-    SequenceRun
-        Every control period.
-    """
+    """Rated torque at an imposed speed."""
     steps = round(seconds / drive.control.ts)
     scenario = closed_loop.constant(drive, rpm, RATED_TORQUE, psi_ref, steps)
     return sequence_loop.simulate(drive, scenario, controller=controller)
@@ -333,24 +260,7 @@ def loaded(
 def wrong_resistances(
     drive: MptcDrive, rpm: float, factor: float, *, imposed: bool
 ) -> tuple[single.Observed, dict[str, float]]:
-    """MPTC on the observer's flux, resistances of the machine off, without load (Fig. 1).
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Controller and observer.
-    rpm, factor : float
-        r/min; resistances of stator and rotor over the controller's.
-    imposed : bool
-        Whether the speed is imposed and the torque reference zero; otherwise behind the speed PI.
-
-    Returns
-    -------
-    run : Observed
-        `PARAMETER_SECONDS`.
-    figures : dict of str to float
-        Of the second half: flux, largest error of its estimate, torque, current, speed.
-    """
+    """MPTC on the observer's flux, resistances of the machine off, without load (Fig. 1)."""
     steps = round(PARAMETER_SECONDS / drive.control.ts)
     scenario = closed_loop.constant(drive, rpm, 0.0, HIGH_SPEED_FLUX, steps)
     plant = plant_parameters(drive, rs=factor, rr=factor)
@@ -372,18 +282,7 @@ def wrong_resistances(
 
 
 def spectrum(run: SequenceRun) -> tuple[FloatArray, FloatArray]:
-    """Spectrum of the current of phase a over whole periods; the first tenth is left out.
-
-    Parameters
-    ----------
-    run : SequenceRun
-        In the steady state.
-
-    Returns
-    -------
-    frequency, amplitude : ndarray of float64
-        Hz, and percent of the fundamental; without dc and fundamental.
-    """
+    """Spectrum of the current of phase a over whole periods; the first tenth is left out."""
     first = len(run.torque) // 10
     per_step = len(run.current_inside) // len(run.torque)
     x = run.current_inside[first * per_step :].real
@@ -398,18 +297,7 @@ def spectrum(run: SequenceRun) -> tuple[FloatArray, FloatArray]:
 
 
 def distortions(run: SequenceRun) -> dict[str, float]:
-    """Distortion of the current in several bands, and as control instants alone show it.
-
-    Parameters
-    ----------
-    run : SequenceRun
-        In the steady state.
-
-    Returns
-    -------
-    dict of str to float
-        Quantity -> percent.
-    """
+    """Distortion of the current in several bands, and as control instants alone show it."""
     frequency, amplitude = spectrum(run)
     found = {
         f"thd_to_{band / 1e3:g}khz_pct": float(np.sqrt((amplitude[frequency <= band] ** 2).sum()))
@@ -425,18 +313,6 @@ def flux_inside(drive: MptcDrive, run: SequenceRun) -> np.ndarray:
 
     From the flux at k on, the voltage less the drop across the stator resistance is integrated
     (Paper B, eq. 2): the voltage exactly, the current between samples by the trapezoidal rule.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller of the run.
-    run : SequenceRun
-        Any run on the drive's own machine.
-
-    Returns
-    -------
-    ndarray of complex128, shape (n * s,)
-        Wb, at the distances of `torque_inside`.
     """
     n = len(run.torque)
     current = run.current_inside.reshape(n, -1)
@@ -465,53 +341,17 @@ def _flux_ripple(drive: MptcDrive, run: SequenceRun, seconds: float) -> float:
 
 
 def flux_figures(drive: MptcDrive, run: SequenceRun) -> dict[str, float]:
-    """Ripple of the flux in the steady state; the first tenth is left out.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller of the run.
-    run : SequenceRun
-        In the steady state.
-
-    Returns
-    -------
-    dict of str to float
-        Quantity -> mWb.
-    """
+    """Ripple of the flux in the steady state; the first tenth is left out."""
     return {"flux_ripple_mwb": _flux_ripple(drive, run, 0.9 * run.ts * len(run.torque))}
 
 
 def unloaded_figures(run: SequenceRun) -> dict[str, float]:
-    """Figures of a run without load.
-
-    Parameters
-    ----------
-    run : SequenceRun
-        In the steady state.
-
-    Returns
-    -------
-    dict of str to float
-        Quantity -> value, its unit in the name.
-    """
+    """Figures of a run without load."""
     return run.figures() | distortions(run)
 
 
 def loaded_figures(run: SequenceRun) -> dict[str, float]:
-    """Figures of a run at rated load.
-
-    Parameters
-    ----------
-    run : SequenceRun
-        In the steady state.
-
-    Returns
-    -------
-    dict of str to float
-        Quantity -> value; `second_active_pct` is the share of periods whose second vector is active
-        and another than the first.
-    """
+    """Figures of a run at rated load."""
     return run.figures() | {"second_active_pct": 100.0 * float(_second_active(run).mean())}
 
 
@@ -523,22 +363,7 @@ def _second_active(run: SequenceRun) -> np.ndarray:
 
 
 def disturbed(drive: MptcDrive, rpm: float = DISTURBED) -> tuple[SequenceRun, dict[str, float]]:
-    """A step of rated load after 0.1 s (Fig. 18).
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    rpm : float
-        r/min.
-
-    Returns
-    -------
-    run : SequenceRun
-        0.6 s.
-    figures : dict of str to float
-        Ripple of torque and flux in the last 0.2 s, and the largest loss of speed.
-    """
+    """A step of rated load after 0.1 s (Fig. 18)."""
     ts = drive.control.ts
     steps, begin = round(0.6 / ts), round(0.1 / ts)
     scenario = closed_loop.constant(drive, rpm, 0.0, HIGH_SPEED_FLUX, steps)
@@ -553,21 +378,7 @@ def disturbed(drive: MptcDrive, rpm: float = DISTURBED) -> tuple[SequenceRun, di
 
 
 def second_vectors(drive: MptcDrive) -> tuple[SequenceRun, dict[str, float]]:
-    """Second vectors around a step of rated load at `FULL_SPEED` (Fig. 12).
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-
-    Returns
-    -------
-    run : SequenceRun
-        As of `disturbed`.
-    figures : dict of str to float
-        Share of the periods whose second vector is active and another than the first: in the
-        0.1 s from the step on, and in the last 0.2 s.
-    """
+    """Second vectors around a step of rated load at `FULL_SPEED` (Fig. 12)."""
     run, _ = disturbed(drive, FULL_SPEED)
     begin, last = (round(seconds / run.ts) for seconds in (0.1, 0.2))
     different = _second_active(run)
@@ -578,22 +389,7 @@ def second_vectors(drive: MptcDrive) -> tuple[SequenceRun, dict[str, float]]:
 
 
 def sensorless_transient(drive: MptcDrive, case: str, first: float) -> dict[str, float]:
-    """Start or reversal to `FULL_SPEED` without a speed sensor (Figs. 23 and 24).
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine; the method is SVM.
-    case : str
-        Of `SENSORLESS`.
-    first : float
-        r/min.
-
-    Returns
-    -------
-    dict of str to float
-        Figures of `scripts.studies.sensorless`, and the mean torque from the step to 1400 r/min.
-    """
+    """Start or reversal to `FULL_SPEED` without a speed sensor (Figs. 23 and 24)."""
     run = observed.run(drive, observed.CASES[case], first, FULL_SPEED, 0.0, 0.8)
     found = observed.transient_figures(drive, run)
     begin = round(0.1 / run.ts)
@@ -602,23 +398,7 @@ def sensorless_transient(drive: MptcDrive, case: str, first: float) -> dict[str,
 
 
 def sensorless_steady(drive: MptcDrive, case: str, rpm: float, seconds: float) -> dict[str, float]:
-    """Rated load without a speed sensor (Figs. 25 and 26).
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine; the method is SVM.
-    case : str
-        Of `SENSORLESS`.
-    rpm, seconds : float
-        r/min, s.
-
-    Returns
-    -------
-    dict of str to float
-        Figures of `scripts.studies.sensorless`, and the distortion of the current in the last two
-        thirds.
-    """
+    """Rated load without a speed sensor (Figs. 25 and 26)."""
     run = observed.run(drive, observed.CASES[case], rpm, rpm, RATED_TORQUE, seconds)
     return observed.steady_figures(drive, run, rpm) | {"thd_pct": _sensorless_thd(run)}
 
@@ -635,46 +415,14 @@ def _sensorless_thd(run: SensorlessRun) -> float:
 def reversal(
     drive: MptcDrive, tuning: FocTuning | None = None
 ) -> tuple[SequenceRun, dict[str, float]]:
-    """From -1500 to 1500 r/min without load (Figs. 19 and 29).
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    tuning : FocTuning, optional
-        FOC instead of the drive's method.
-
-    Returns
-    -------
-    run : SequenceRun
-        0.8 s; the reference turns after 0.1 s.
-    figures : dict of str to float
-        Time from the turn to 1400 r/min, and the ripple of torque and flux in the
-        last 0.1 s.
-    """
+    """From -1500 to 1500 r/min without load (Figs. 19 and 29)."""
     return _to_full_speed(drive, -1500.0, 0.8, tuning)
 
 
 def start(
     drive: MptcDrive, tuning: FocTuning | None = None
 ) -> tuple[SequenceRun, dict[str, float]]:
-    """From standstill to 1500 r/min without load, the machine magnetised (Fig. 28).
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    tuning : FocTuning, optional
-        FOC instead of the drive's method.
-
-    Returns
-    -------
-    run : SequenceRun
-        0.6 s; the reference steps after 0.1 s.
-    figures : dict of str to float
-        Time from the step to 1400 r/min, and the ripple of torque and flux in the
-        last 0.1 s.
-    """
+    """From standstill to 1500 r/min without load, the machine magnetised (Fig. 28)."""
     return _to_full_speed(drive, 0.0, 0.6, tuning)
 
 
@@ -696,20 +444,7 @@ def _to_full_speed(
 
 
 def crawl(drive: MptcDrive) -> tuple[SequenceRun, dict[str, float]]:
-    """15 r/min with rated load (Fig. 20).
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-
-    Returns
-    -------
-    run : SequenceRun
-        3 s.
-    figures : dict of str to float
-        Ripple of torque and flux, and largest error of the speed in the last second.
-    """
+    """15 r/min with rated load (Fig. 20)."""
     run = steady(drive, CRAWL, RATED_TORQUE, RATED_FLUX)
     rpm = run.trace.omega_r / drive.machine.pole_pairs / RPM
     last = round(1.0 / run.ts)
@@ -727,26 +462,7 @@ def torque_step(
     seconds: float = STEP_SECONDS,
     tuning: FocTuning | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """The torque reference from 0 to 120 % in control period `begin`, speed imposed (Fig. 30).
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    rpm : float
-        r/min.
-    begin : int
-        Control period.
-    seconds : float
-        Time after the step, s.
-    tuning : FocTuning, optional
-        FOC instead of the drive's method.
-
-    Returns
-    -------
-    t, torque : ndarray of float64
-        ms, 0 where the reference changes, and N*m; from 1 ms before on.
-    """
+    """The torque reference from 0 to 120 % in control period `begin`, speed imposed (Fig. 30)."""
     steps = begin + round(seconds / drive.control.ts)
     scenario = closed_loop.constant(drive, rpm, 0.0, RATED_FLUX, steps)
     asked = np.where(np.arange(steps) < begin, 0.0, STEP_TORQUE)
@@ -757,18 +473,7 @@ def torque_step(
 
 
 def rise(t: FloatArray, made: FloatArray) -> float:
-    """Time from 10 to 90 % of the step.
-
-    Parameters
-    ----------
-    t, made : ndarray of float64
-        Of `torque_step`.
-
-    Returns
-    -------
-    float
-        ms; infinite where 90 % is not reached.
-    """
+    """Time from 10 to 90 % of the step."""
     after = t > 0.0
     reached = [np.flatnonzero(after & (made >= share * STEP_TORQUE)) for share in (0.1, 0.9)]
     if not all(len(found) for found in reached):
@@ -783,26 +488,7 @@ def longest_rise(
     seconds: float = STEP_SECONDS,
     tuning: FocTuning | None = None,
 ) -> float:
-    """Longest rise of the torque step over several flux angles.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and controller.
-    rpm : float
-        r/min.
-    starts : int
-        How many.
-    seconds : float
-        Time after the step, s.
-    tuning : FocTuning, optional
-        FOC instead of the drive's method.
-
-    Returns
-    -------
-    float
-        ms.
-    """
+    """Longest rise of the torque step over several flux angles."""
     # 10 ms for the first, 0.5 ms more for each that follows
     begins = [round((10e-3 + 0.5e-3 * n) / drive.control.ts) for n in range(starts)]
     return max(rise(*torque_step(drive, rpm, begin, seconds, tuning)) for begin in begins)
@@ -811,22 +497,7 @@ def longest_rise(
 def measure(
     drive: MptcDrive, advance: Callable[[], None] = lambda: None
 ) -> tuple[list[Row], Curves]:
-    """Run everything.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and full scales.
-    advance : callable
-        Called after each of the `count` parts.
-
-    Returns
-    -------
-    rows : list of dict
-        study, controller, rpm, quantity, value.
-    curves : Curves
-        What is drawn.
-    """
+    """Run everything."""
     rows: list[Row] = []
     curves = Curves({}, {}, {}, {}, {}, {}, {})
 
@@ -910,13 +581,7 @@ def measure(
 
 
 def count() -> int:
-    """Parts of `measure`.
-
-    Returns
-    -------
-    int
-        How often it calls `advance`.
-    """
+    """Parts of `measure`."""
     return (
         len(UNLOADED)
         + len(LOADED) * len(SPEEDS)

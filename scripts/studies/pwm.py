@@ -96,38 +96,14 @@ Rows = Mapping[Setting, Mapping[str, float]]
 
 
 def modulated(starts: int) -> Iterator[Setting]:
-    """All runs with PWM, in order.
-
-    Parameters
-    ----------
-    starts : int
-        Of each point.
-
-    Yields
-    ------
-    Setting
-        The next one.
-    """
+    """All runs with PWM, in order."""
     for name, speed, capacitors in itertools.product(DRIVES, SPEEDS, ("real", "ideal")):
         for pulses, start in itertools.product(PULSES[speed], range(starts)):
             yield Setting(name, speed, "PWM", capacitors, 0.0, 0.0, float(pulses), start)
 
 
 def controlled(found: Rows, starts: int) -> Iterator[Setting]:
-    """All runs with MPDCC, in order.
-
-    Parameters
-    ----------
-    found : mapping
-        Runs with PWM: their capacitor ripple gives bounds.
-    starts : int
-        Of each point.
-
-    Yields
-    ------
-    Setting
-        The next one.
-    """
+    """All runs with MPDCC, in order."""
     for name, speed in itertools.product(DRIVES, SPEEDS):
         control = _load(name).control
         capacitors = [
@@ -142,24 +118,7 @@ def controlled(found: Rows, starts: int) -> Iterator[Setting]:
 
 
 def ripple(found: Rows, name: str, speed: float, pulses: int) -> tuple[float, float]:
-    """How far PWM moves the capacitors, as bounds of MPDCC.
-
-    Parameters
-    ----------
-    found : mapping
-        Runs with PWM.
-    name : str
-        The drive.
-    speed : float
-        Per unit.
-    pulses : int
-        Carrier periods in a fundamental period.
-
-    Returns
-    -------
-    tuple of float
-        Bounds of v_n and of each v_ph, per unit, within what a drive file may have.
-    """
+    """How far PWM moves the capacitors, as bounds of MPDCC."""
     chosen = select(found, drive=name, speed=speed, scheme="PWM", capacitors="real", value=pulses)
     peaks = (max(row[peak] for row in chosen) for peak in ("peak_vn", "peak_vph"))
     neutral, phase = (round(min(max(peak, LEAST), MOST), 3) for peak in peaks)
@@ -167,20 +126,7 @@ def ripple(found: Rows, name: str, speed: float, pulses: int) -> tuple[float, fl
 
 
 def select(found: Rows, **wanted: object) -> list[Mapping[str, float]]:
-    """Figures of the runs whose settings are as wanted.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `study`.
-    **wanted : object
-        Attribute of a setting -> value.
-
-    Returns
-    -------
-    list of mapping
-        In the order of the settings.
-    """
+    """Figures of the runs whose settings are as wanted."""
     return [
         found[setting]
         for setting in sorted(found)
@@ -199,22 +145,7 @@ def _ideal_capacitors(drive: Drive) -> Drive:
 
 
 def run(setting: Setting, steps: int, periods: int) -> dict[str, float]:
-    """One run and its figures.
-
-    Parameters
-    ----------
-    setting : Setting
-        The run.
-    steps : int
-        Control steps of a run with MPDCC that count.
-    periods : int
-        Fundamental periods of a run with PWM that count.
-
-    Returns
-    -------
-    dict of float
-        By the names of `FIGURES`.
-    """
+    """One run and its figures."""
     drive = _load(setting.drive)
     still = setting.capacitors == "ideal"
     if setting.scheme == "PWM":
@@ -263,24 +194,7 @@ def run(setting: Setting, steps: int, periods: int) -> dict[str, float]:
 def study(
     out: Path, steps: int, periods: int, starts: int, *, anew: bool = False
 ) -> dict[Setting, dict[str, float]]:
-    """Run what the file does not have yet.
-
-    Parameters
-    ----------
-    out : Path
-        The file; it is written every now and then.
-    steps, periods : int
-        As of `run`.
-    starts : int
-        Of each point.
-    anew : bool
-        Whether everything is run, whatever the file has.
-
-    Returns
-    -------
-    dict
-        Figures of all settings.
-    """
+    """Run what the file does not have yet."""
     known = {} if anew else rows.read(out, Setting, FIGURES)
     found: dict[Setting, dict[str, float]] = {}
     for part in ("PWM", "MPDCC"):
@@ -306,22 +220,7 @@ def _mean(chosen: list[Mapping[str, float]], name: str) -> float:
 
 
 def curve(found: Rows, values: tuple[float, ...], **wanted: object) -> np.ndarray:
-    """Mean switching frequency and THD over the starts, point by point.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `study`.
-    values : tuple of float
-        The points: pulses or bounds of the currents.
-    **wanted : object
-        As of `select`.
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 2)
-        Hz and percent, by rising frequency.
-    """
+    """Mean switching frequency and THD over the starts, point by point."""
     points = []
     for value in values:
         chosen = select(found, value=value, **wanted)
@@ -330,20 +229,7 @@ def curve(found: Rows, values: tuple[float, ...], **wanted: object) -> np.ndarra
 
 
 def thd_at(points: np.ndarray, fsw: float) -> float:
-    """THD of a curve at a switching frequency, interpolated in logarithms.
-
-    Parameters
-    ----------
-    points : ndarray of float64, shape (n, 2)
-        Of `curve`.
-    fsw : float
-        Hz.
-
-    Returns
-    -------
-    float
-        Percent; nan outside the curve.
-    """
+    """THD of a curve at a switching frequency, interpolated in logarithms."""
     if not points[0, 0] <= fsw <= points[-1, 0]:
         return float("nan")
     return float(np.exp(np.interp(np.log(fsw), np.log(points[:, 0]), np.log(points[:, 1]))))
@@ -359,18 +245,7 @@ def _studied(name: str) -> dict[str, object]:
 
 
 def equal_table(found: Rows) -> str:
-    """THD at equal switching frequency, PWM with real capacitors first.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `study`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
+    """THD at equal switching frequency, PWM with real capacitors first."""
     lines = []
     for name, speed in itertools.product(DRIVES, SPEEDS):
         at = {"drive": name, "speed": speed}
@@ -416,18 +291,7 @@ def _excess(found: Rows) -> str:
 
 
 def ideal_table(found: Rows) -> str:
-    """THD at equal switching frequency where capacitor voltages do not move.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `study`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
+    """THD at equal switching frequency where capacitor voltages do not move."""
     lines = []
     for name, speed in itertools.product(DRIVES, SPEEDS):
         at = {"drive": name, "speed": speed, "capacitors": "ideal"}
@@ -447,18 +311,7 @@ def ideal_table(found: Rows) -> str:
 
 
 def balance_table(found: Rows) -> str:
-    """Share of the switchings that serve the balance of the capacitors.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `study`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
+    """Share of the switchings that serve the balance of the capacitors."""
     lines = []
     for name, speed, bound in itertools.product(DRIVES, SPEEDS, BALANCED):
         cells = []
@@ -481,15 +334,7 @@ def balance_table(found: Rows) -> str:
 
 
 def draw(found: Rows, path: Path) -> None:
-    """Draw THD over the switching frequency, a panel for each drive and speed.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `study`.
-    path : Path
-        PNG file.
-    """
+    """Draw THD over the switching frequency, a panel for each drive and speed."""
     plt = pyplot()
     figure, axes = plt.subplots(
         len(DRIVES), len(SPEEDS), figsize=(9.0, 7.0), sharex=True, sharey=True, layout="constrained"
@@ -529,17 +374,7 @@ def draw(found: Rows, path: Path) -> None:
 
 
 def publish(found: Rows, page: Path, picture: Path) -> None:
-    """Write the tables into their page, and the picture.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `study`.
-    page : Path
-        The page; its markers stay.
-    picture : Path
-        PNG file.
-    """
+    """Write the tables into their page, and the picture."""
     texts = {
         "equal": equal_table(found),
         "ideal": ideal_table(found),

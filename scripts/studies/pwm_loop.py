@@ -126,33 +126,7 @@ def _run(
 def simulate(
     drive: Drive, speed: float, pulses: int, periods: int, settle: int, *, ideal: bool, phase: float
 ) -> PwmRun:
-    """Run the modulator at rated current, from the steady state.
-
-    Parameters
-    ----------
-    drive : Drive
-        Machine, inverter and control period.
-    speed : float
-        Stator frequency, above 0, per unit.
-    pulses : int
-        Carrier periods in a fundamental period.
-    periods, settle : int
-        Fundamental periods to record, and to run before those.
-    ideal : bool
-        Whether capacitors keep their voltages.
-    phase : float
-        Angle of the current at the start, rad.
-
-    Returns
-    -------
-    PwmRun
-        States, positions and figures.
-
-    Raises
-    ------
-    ValueError
-        If the machine has no such steady state.
-    """
+    """Run the modulator at rated current, from the steady state."""
     profile = constant_profile(drive, OperatingPoint(speed), 1, phase)
     state, applied = initial_conditions(profile)
     xdc, xph = (IDEAL, IDEAL) if ideal else (drive.inverter.xdc, drive.inverter.xph)

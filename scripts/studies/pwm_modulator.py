@@ -64,20 +64,7 @@ class Modulator(NamedTuple):
 
 @njit
 def with_common_mode(v_abc, vdc):
-    """Add the common mode to phase voltages: min-max, then centred within the bands.
-
-    Parameters
-    ----------
-    v_abc : ndarray of float64, shape (3,)
-        Phase voltages without a common mode, per unit.
-    vdc : float
-        dc-link voltage, per unit.
-
-    Returns
-    -------
-    ndarray of float64, shape (3,)
-        Phase voltages against the dc-link midpoint, per unit.
-    """
+    """Add the common mode to phase voltages: min-max, then centred within the bands."""
     step = 0.25 * vdc
     shifted = v_abc - 0.5 * (v_abc.max() + v_abc.min())
     part = np.empty(3)
@@ -89,20 +76,7 @@ def with_common_mode(v_abc, vdc):
 
 @njit
 def position_voltage(s, vdc, v_n, v_ph):
-    """Voltage of a phase in a position (Paper A, eq. 2).
-
-    Parameters
-    ----------
-    s : int
-        Position, 0..7.
-    vdc, v_n, v_ph : float
-        Voltages of dc link, neutral point and the phase's capacitor, per unit.
-
-    Returns
-    -------
-    float
-        Against the dc-link midpoint, per unit.
-    """
+    """Voltage of a phase in a position (Paper A, eq. 2)."""
     return 0.5 * vdc * anpc.HALF_DC[s] + anpc.NEUTRAL[s] * v_n + anpc.CAPACITOR[s] * v_ph
 
 
@@ -138,39 +112,7 @@ def _pairs(modulator, before, rising, wanted, v_n, v_ph, change, pairs, shares, 
 
 @njit
 def half_period(modulator, before, v_abc, v_inv, currents, time, rising, first, second, shares):
-    """Positions of a half period of the carriers.
-
-    Parameters
-    ----------
-    modulator : Modulator
-        The inverter.
-    before : ndarray of int64, shape (3,)
-        Positions until now, 0..7.
-    v_abc : ndarray of float64, shape (3,)
-        Phase voltages to make on average, with their common mode, per unit.
-    v_inv : ndarray of float64, shape (4,)
-        v_n, v_ph_a, v_ph_b, v_ph_c, per unit.
-    currents : ndarray of float64, shape (3,)
-        Phase currents into the machine, mean of the half period, per unit.
-    time : float
-        Length of the half period, per unit.
-    rising : bool
-        Whether the carriers rise.
-    first, second : ndarray of int64, shape (3,)
-        Filled with the positions of each phase, in order of time.
-    shares : ndarray of float64, shape (3,)
-        Filled with the share of the half period that the first one has, 0 to 1.
-
-    Returns
-    -------
-    float
-        Sum of the squares of the volts that the phases' pairs cannot make, per unit squared.
-
-    Raises
-    ------
-    ValueError
-        If a phase has no pair of positions: the graph always gives one.
-    """
+    """Positions of a half period of the carriers."""
     pairs = np.empty((3, PAIRS, 2), np.int64)
     share = np.empty((3, PAIRS))
     cost = np.empty((3, PAIRS))
@@ -213,26 +155,7 @@ def half_period(modulator, before, v_abc, v_inv, currents, time, rising, first, 
 def positions_of(
     v_abc: FloatArray, vdc: float, before: tuple[int, int, int], halves: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Modulate a constant reference with capacitors that keep their nominal voltages.
-
-    Parameters
-    ----------
-    v_abc : ndarray of float64, shape (3,)
-        Phase voltages without a common mode, per unit.
-    vdc : float
-        dc-link voltage, per unit.
-    before : tuple of int
-        Positions of phases a, b, c before the first half period, 0..7.
-    halves : int
-        Half periods of the carriers; they rise in the first.
-
-    Returns
-    -------
-    first, second : ndarray of int64, shape (halves, 3)
-        Positions of each half period, in order of time.
-    shares : ndarray of float64, shape (halves, 3)
-        Share of the half period that the first one has, 0 to 1.
-    """
+    """Modulate a constant reference with capacitors that keep their nominal voltages."""
     modulator = Modulator(vdc, math.inf, math.inf)
     wanted = with_common_mode(np.asarray(v_abc, np.float64), vdc)
     v_inv = np.array([0.0] + [0.25 * vdc] * 3)

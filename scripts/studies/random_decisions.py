@@ -41,32 +41,13 @@ class Setting:
 
 
 def settings() -> Iterator[Setting]:
-    """All closed loops, in order.
-
-    Yields
-    ------
-    Setting
-        The next one.
-    """
+    """All closed loops, in order."""
     for one in itertools.product(range(COUNT), HORIZONS, GAINS):
         yield Setting(*one)
 
 
 def loop(setting: Setting, rtl_rows: int | None = None) -> dict[str, Any]:
-    """Run a closed loop.
-
-    Parameters
-    ----------
-    setting : Setting
-        The loop.
-    rtl_rows : int, optional
-        How many of its steps the simulated RTL decides; `RTL_ROWS` if not given.
-
-    Returns
-    -------
-    dict
-        The setting; steps that the RTL decided, and those in which any field is not its model's.
-    """
+    """Run a closed loop."""
     same = robustness.Setting(
         f"random {setting.number}", setting.horizon, robustness.SPEEDS[setting.number % 2], 0.10,
         1.0, "inwards", setting.gain, 0,
@@ -78,47 +59,14 @@ def loop(setting: Setting, rtl_rows: int | None = None) -> dict[str, Any]:
 
 
 def read(path: Path = REPORT) -> dict[Setting, dict[str, float]]:
-    """Rows of the file.
-
-    Parameters
-    ----------
-    path : Path
-        It may not exist, or end in the middle of a row: that one is left out.
-
-    Returns
-    -------
-    dict
-        Figures by setting.
-    """
+    """Rows of the file."""
     return stored_rows.read(path, Setting, FIGURES)
 
 
 def study(
     out: Path, jobs: int, *, anew: bool = False, scheduler: str | None = None
 ) -> dict[Setting, dict[str, float]]:
-    """Run what the file does not have yet.
-
-    Parameters
-    ----------
-    out : Path
-        The file.
-    jobs : int
-        Processes.
-    anew : bool
-        Whether all loops are run, whatever the file has.
-    scheduler : str | None
-        Of a Dask cluster that runs them; None for processes of this machine.
-
-    Returns
-    -------
-    dict
-        Figures of all settings.
-
-    Raises
-    ------
-    NoiseError
-        If the RTL decided otherwise than its model.
-    """
+    """Run what the file does not have yet."""
     rows = stored_rows.study(
         "decisions of the RTL on random drives", loop, settings(), FIGURES, out, jobs,
         anew=anew, scheduler=scheduler,
@@ -130,18 +78,7 @@ def study(
 
 
 def counts(rows: Mapping[Setting, Mapping[str, float]]) -> dict[str, dict[str, int]]:
-    """Decisions of all drives.
-
-    Parameters
-    ----------
-    rows : mapping
-        As of `read`.
-
-    Returns
-    -------
-    dict
-        By horizon: `drives`, `rtl_rows`, `rtl_differing`.
-    """
+    """Decisions of all drives."""
     found = {}
     for horizon in HORIZONS:
         mine = {k: v for k, v in rows.items() if k.horizon == horizon}

@@ -140,20 +140,7 @@ FIGURES = (
 
 
 def settings(starts: int, count: int) -> Iterator[Setting]:
-    """All closed loops of the study, in order.
-
-    Parameters
-    ----------
-    starts : int
-        Starts of each point of the shipped drives; with another machine `MACHINE_STARTS` at most.
-    count : int
-        Random drives.
-
-    Yields
-    ------
-    Setting
-        The next one.
-    """
+    """All closed loops of the study, in order."""
     for start, name, horizon, speed, bound, remedy in itertools.product(
         range(starts), DRIVES, ("SE", "SESE"), SPEEDS, BOUNDS, REMEDIES
     ):
@@ -172,19 +159,7 @@ def settings(starts: int, count: int) -> Iterator[Setting]:
 
 
 def drive_of(setting: Setting) -> Drive:
-    """The drive of a closed loop with its controller settings.
-
-    Parameters
-    ----------
-    setting : Setting
-        The loop.
-
-    Returns
-    -------
-    Drive
-        Per unit. A random one has machine, capacitors and period within half and one and a half of
-        the 6 kV drive's, where a drive file may have them.
-    """
+    """The drive of a closed loop with its controller settings."""
     kind, _, number = setting.drive.partition(" ")
     base = states.shipped(DRIVES[0] if number else kind)
     if number:
@@ -219,18 +194,7 @@ def _random(base: Drive, rng: np.random.Generator) -> Drive:
 
 
 def factors_of(setting: Setting) -> dict[str, dict[str, float]]:
-    """How the plant's machine and inverter differ from the controller's.
-
-    Parameters
-    ----------
-    setting : Setting
-        The loop.
-
-    Returns
-    -------
-    dict
-        Table and key of a drive file -> factor on the controller's value.
-    """
+    """How the plant's machine and inverter differ from the controller's."""
     if setting.machine != DRAWN:
         return MACHINES[setting.machine]
     number = int(setting.drive.partition(" ")[2])
@@ -242,24 +206,7 @@ def factors_of(setting: Setting) -> dict[str, dict[str, float]]:
 def simulate(
     setting: Setting, steps: int, drive: Drive | None = None
 ) -> tuple[Drive, ClosedLoopResult]:
-    """Run a closed loop.
-
-    Parameters
-    ----------
-    setting : Setting
-        The loop.
-    steps : int
-        Control steps that count.
-    drive : Drive, optional
-        What the controller knows; that of `drive_of` if not given.
-
-    Returns
-    -------
-    Drive
-        What the controller knew.
-    ClosedLoopResult
-        Its steps.
-    """
+    """Run a closed loop."""
     drive = drive_of(setting) if drive is None else drive
     real = drive.changed(
         **{
@@ -291,23 +238,7 @@ def simulate(
 
 
 def loop(setting: Setting, steps: int, drive: Drive | None = None) -> dict[str, Any]:
-    """Run a closed loop and count.
-
-    Parameters
-    ----------
-    setting : Setting
-        The loop.
-    steps : int
-        Control steps that count.
-    drive : Drive, optional
-        What the controller knows; that of `drive_of` if not given.
-
-    Returns
-    -------
-    dict
-        The setting and its figures. `outside_pct` is the share of steps in which a voltage is more
-        than 0.002 pu outside its bound.
-    """
+    """Run a closed loop and count."""
     drive, result = simulate(setting, steps, drive)
     summary = metrics.summarise(drive, result)
     switching = metrics.switching_frequency(result.positions, drive.control.ts)
@@ -329,18 +260,7 @@ def loop(setting: Setting, steps: int, drive: Drive | None = None) -> dict[str, 
 
 
 def read(path: Path) -> dict[Setting, dict[str, float]]:
-    """Rows of a study's file.
-
-    Parameters
-    ----------
-    path : Path
-        It may not exist, or end in the middle of a row: that one is left out.
-
-    Returns
-    -------
-    dict
-        Figures by setting.
-    """
+    """Rows of a study's file."""
     if not path.exists():
         return {}
     kinds = {field.name: field.type for field in fields(Setting)}
@@ -382,28 +302,7 @@ def study(
     anew: bool = False,
     scheduler: str | None = None,
 ) -> dict[Setting, dict[str, float]]:
-    """Run what the file does not have yet.
-
-    Parameters
-    ----------
-    out : Path
-        The file; it is written every now and then.
-    jobs : int
-        Processes.
-    steps : int
-        Control steps of a loop.
-    starts, count : int
-        As of `settings`.
-    anew : bool
-        Whether all loops are run, whatever the file has.
-    scheduler : str | None
-        Of a Dask cluster that runs them; None for processes of this machine.
-
-    Returns
-    -------
-    dict
-        Figures of all settings.
-    """
+    """Run what the file does not have yet."""
     wanted = [rounded(setting) for setting in settings(starts, count)]
     rows = {} if anew else {k: v for k, v in read(out).items() if k in set(wanted)}
     missing = [setting for setting in wanted if setting not in rows]
@@ -419,18 +318,7 @@ def study(
 
 
 def rounded(setting: Setting) -> Setting:
-    """A setting as the file has it.
-
-    Parameters
-    ----------
-    setting : Setting
-        The loop.
-
-    Returns
-    -------
-    Setting
-        Its numbers with the digits that the file holds.
-    """
+    """A setting as the file has it."""
     return Setting(
         **{k: float(_cell(v)) if isinstance(v, float) else v for k, v in asdict(setting).items()}
     )
@@ -441,18 +329,7 @@ def _mean(rows: Sequence[dict[str, float]], name: str) -> float:
 
 
 def mismatch_table(rows: dict[Setting, dict[str, float]]) -> str:
-    """What another machine changes: least and most over both shipped drives and their points.
-
-    Parameters
-    ----------
-    rows : dict
-        Of `study`.
-
-    Returns
-    -------
-    str
-        A Markdown table: changes against a controller that knows the machine.
-    """
+    """What another machine changes: least and most over both shipped drives and their points."""
     lines = []
     for machine, knows in MISMATCHES:
         if knows == KNOWN or machine == "same":
@@ -505,20 +382,7 @@ class Change:
 def changes(
     rows: dict[Setting, dict[str, float]], remedy: tuple[float, str, float]
 ) -> list[Change]:
-    """What a remedy changes at each point of the shipped drives.
-
-    Parameters
-    ----------
-    rows : dict
-        Of `study`.
-    remedy : tuple
-        Noise, outside rule, gain of the filters: one of `REMEDIES`.
-
-    Returns
-    -------
-    list of Change
-        By drive, bound, horizon and speed.
-    """
+    """What a remedy changes at each point of the shipped drives."""
     by_point: dict[tuple[Any, ...], list[dict[str, float]]] = {}
     for k, v in rows.items():
         if not k.knows:
@@ -547,18 +411,7 @@ def changes(
 
 
 def gain_table(rows: dict[Setting, dict[str, float]]) -> str:
-    """What the gain of the filters is worth by the noise, over all points of the shipped drives.
-
-    Parameters
-    ----------
-    rows : dict
-        Of `study`.
-
-    Returns
-    -------
-    str
-        A Markdown table: changes against exact measurements, rule "inwards".
-    """
+    """What the gain of the filters is worth by the noise, over all points of the shipped drives."""
     lines = []
     for noise, gain in itertools.product((0.0, 1.0, 2.0), (1.0, GAIN, LOWER_GAIN)):
         found = changes(rows, (noise, "inwards", gain))
@@ -582,31 +435,12 @@ def _rounded_remedy(remedy: tuple[float, str, float]) -> tuple[float, str, float
 
 
 def largest_excess(rows: dict[Setting, dict[str, float]]) -> float:
-    """Furthest that a phase current of a random drive went beyond its bound.
-
-    Parameters
-    ----------
-    rows : dict
-        Of `study`.
-
-    Returns
-    -------
-    float
-        Per unit.
-    """
+    """Furthest that a phase current of a random drive went beyond its bound."""
     return max(v["excess_current"] for k, v in rows.items() if k.drive.startswith("random"))
 
 
 def publish(rows: dict[Setting, dict[str, float]], page: Path) -> None:
-    """Write the tables into their page.
-
-    Parameters
-    ----------
-    rows : dict
-        Of `study`.
-    page : Path
-        The page; its markers stay.
-    """
+    """Write the tables into their page."""
     made = {"gain": gain_table, "mismatch": mismatch_table}
     tables.rewrite(
         page, {(BEGIN.format(n), END.format(n)): table(rows) for n, table in made.items()}

@@ -108,13 +108,7 @@ class Run:
 
     @property
     def cycles(self) -> NDArray[np.int64]:
-        """Clock cycles of every decision.
-
-        Returns
-        -------
-        NDArray[np.int64]
-            One for each step.
-        """
+        """Clock cycles of every decision."""
         assert self.result.decisions.cycles is not None
         return self.result.decisions.cycles
 
@@ -134,40 +128,6 @@ def simulate(
 
     Capacitor filters, observer and estimate of the leakage are the bit-true models in front of the
     core's RTL, as the drive and `flux_observer` ask for them.
-
-    Parameters
-    ----------
-    drive : Drive
-        What the controller is set up for; the plant's too, but for `factors`.
-    speed : float
-        Stator frequency, per unit, signed.
-    steps : int | None
-        Control steps; ``PERIODS`` fundamental periods if None.
-    explorers : int
-        Explorers of the core.
-    variant : str
-        "fast" or "paper".
-    errors : DriveErrors
-        Of sensors and switches; none unless given.
-    waves : Path | None
-        File for every signal of the simulation (FST); none is written if None.
-    factors : mapping of str to float, optional
-        Of the plant's machine and capacitors, from 0.5 to 1.5, as of `plant_with`.
-    flux_observer : bool
-        Whether the controller sees the rotor flux of the observer in place of the plant's.
-
-    Returns
-    -------
-    Run
-        Decisions and states, with what model and ideal controller decide on the same states.
-
-    Raises
-    ------
-    ValueError
-        If the variant does not serve the drive, the drive cannot be represented, or a factor is
-        none.
-    SimulationError
-        If the simulation fails.
     """
     factors = dict(factors or {})
     real = plant_with(drive, factors)
@@ -247,13 +207,7 @@ def _of_model(drive: Drive, variant: str, seen: MpdccTrace, applied: IntArray) -
 
 
 def signals() -> dict[str, list[Signal]]:
-    """Ports of `mpdcc_core` as a view of its signals groups them.
-
-    Returns
-    -------
-    dict of str to list of Signal
-        Heading -> ports; words are shown as integers, in LSB of their formats.
-    """
+    """Ports of `mpdcc_core` as a view of its signals groups them."""
     groups: dict[str, list[Signal]] = {
         "handshake": [(name, 1, False) for name in ("clk", "rst", "start", "busy", "valid")],
         "measurements, sampled with start": [
@@ -274,21 +228,7 @@ def signals() -> dict[str, list[Signal]]:
 
 
 def advice(run: Run) -> str:
-    """What the drive file could hold instead.
-
-    Parameters
-    ----------
-    run : Run
-        The loop.
-
-    Returns
-    -------
-    str
-        A sentence that names the key where deadlocks or excesses are many, one that names the
-        capacitor filters where the voltages are noisy and there is no filter, and one that names
-        the estimate of the leakage where the plant's is another one and nothing estimates it; else
-        empty. `delay_compensation` is never named: the loop has a delay only with it.
-    """
+    """What the drive file could hold instead."""
     said = [_of_deadlocks(run)]
     noise = run.errors.noise_voltage
     if noise > 0.0 and run.drive.control.capacitor_filter == 0:
@@ -347,18 +287,7 @@ def _of_deadlocks(run: Run) -> str:
 
 
 def outcome(run: Run) -> Table:
-    """What the drive did.
-
-    Parameters
-    ----------
-    run : Run
-        The loop.
-
-    Returns
-    -------
-    Table
-        For a terminal.
-    """
+    """What the drive did."""
     drive, result = run.drive, run.result
     count = result.shadow_count()
     table = Table(title="Closed loop", show_header=False)
@@ -418,18 +347,7 @@ def _flux_error(result: ClosedLoopResult) -> float:
 
 
 def latency(run: Run) -> Table:
-    """How long decisions took.
-
-    Parameters
-    ----------
-    run : Run
-        The loop.
-
-    Returns
-    -------
-    Table
-        For a terminal: clock cycles, and us at several clocks.
-    """
+    """How long decisions took."""
     searches = run.cycles[run.result.decisions.held == 0]
     held = run.cycles[run.result.decisions.held == 1]
     table = Table(
@@ -461,35 +379,13 @@ def latency(run: Run) -> Table:
 
 
 def levels(positions: IntArray) -> IntArray:
-    """Voltage levels of a leg: positions 1 and 2 make the same voltage, so do 3 and 4, 5 and 6.
-
-    Parameters
-    ----------
-    positions : ndarray of int64
-        Switch positions, 0 to 7.
-
-    Returns
-    -------
-    ndarray of int64
-        -2 to 2, in quarters of the dc-link voltage where all capacitors are at their nominal one.
-    """
+    """Voltage levels of a leg: positions 1 and 2 make the same voltage, so do 3 and 4, 5 and 6."""
     made = [phase_voltages((s, s, s), 4.0, 0.0, np.ones(3))[0] for s in range(POSITIONS)]
     return np.rint(made).astype(np.int64)[positions]
 
 
 def machine_voltages(run: Run) -> NDArray[np.float64]:
-    """Voltages of the phases against the machine's star point, as they begin each step.
-
-    Parameters
-    ----------
-    run : Run
-        The loop.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        Shape (n, 3), per unit.
-    """
+    """Voltages of the phases against the machine's star point, as they begin each step."""
     result = run.result
     legs = np.array(
         [
@@ -523,15 +419,7 @@ def _reached(run: Run, turns: bool) -> str:
 
 
 def draw(run: Run, path: Path) -> None:
-    """Draw currents, voltage levels, voltage, torque and capacitor voltages into a PNG file.
-
-    Parameters
-    ----------
-    run : Run
-        The loop.
-    path : Path
-        PNG file; its folder is made.
-    """
+    """Draw currents, voltage levels, voltage, torque and capacitor voltages into a PNG file."""
     plt = pyplot()
 
     drive, result, base = run.drive, run.result, run.drive.base

@@ -60,23 +60,7 @@ def _process(folder: Path, name: str, ready: str, *arguments: str) -> Iterator[s
 
 @contextlib.contextmanager
 def cluster(workers: int) -> Iterator[str]:
-    """A scheduler on this machine with workers of one thread each.
-
-    Parameters
-    ----------
-    workers : int
-        Their number.
-
-    Yields
-    ------
-    str
-        Address of the scheduler.
-
-    Raises
-    ------
-    ToolError
-        If a process of it does not start.
-    """
+    """A scheduler on this machine with workers of one thread each."""
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="directmpc-dask-")))
         address = stack.enter_context(
@@ -96,25 +80,7 @@ def cluster(workers: int) -> Iterator[str]:
 
 
 def measure(loops: int = LOOPS, steps: int = STEPS) -> list[dict[str, Any]]:
-    """Run the same loops on every kind and number of workers.
-
-    Parameters
-    ----------
-    loops : int
-        Closed loops of each run.
-    steps : int
-        Control steps of a loop.
-
-    Returns
-    -------
-    list of dict
-        `workers`, `cluster`, `seconds`.
-
-    Raises
-    ------
-    ToolError
-        If results differ, or the cluster does not start.
-    """
+    """Run the same loops on every kind and number of workers."""
     chosen = list(robustness.settings(1, loops))[:loops]
     calls = [(setting, steps) for setting in chosen]
     rows, wanted = [], None
@@ -137,22 +103,7 @@ def measure(loops: int = LOOPS, steps: int = STEPS) -> list[dict[str, Any]]:
 
 
 def table(rows: list[dict[str, Any]], loops: int, steps: int, load: float) -> str:
-    """Throughput and what a second worker gains, as Markdown.
-
-    Parameters
-    ----------
-    rows : list of dict
-        Of `measure`.
-    loops, steps : int
-        As of `measure`.
-    load : float
-        Other programs that were ready to run when the measurement began, as the system counts them.
-
-    Returns
-    -------
-    str
-        A sentence and a table.
-    """
+    """Throughput and what a second worker gains, as Markdown."""
     shown = []
     for row in rows:
         alone = next(r for r in rows if r["cluster"] == row["cluster"] and r["workers"] == 1)

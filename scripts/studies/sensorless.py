@@ -108,18 +108,7 @@ class Curves:
 
 
 def sensorless_drive(drive: MptcDrive) -> MptcDrive:
-    """The drive with SVM-MPFC at the control period of the study.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and full scales.
-
-    Returns
-    -------
-    MptcDrive
-        `drive` is not changed.
-    """
+    """The drive with SVM-MPFC at the control period of the study."""
     return drive.with_control(method="SVM", ts=PERIODS["SVM"])
 
 
@@ -131,26 +120,7 @@ def run(
     load: float,
     seconds: float,
 ) -> SensorlessRun:
-    """From a speed to another, the reference steps after 0.1 s; the machine is magnetised.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Of `sensorless_drive`.
-    case : Case
-        What is not ideal.
-    first, last : float
-        r/min.
-    load : float
-        From the beginning on, N*m.
-    seconds : float
-        Length, s.
-
-    Returns
-    -------
-    SensorlessRun
-        Every control period.
-    """
+    """From a speed to another, the reference steps after 0.1 s; the machine is magnetised."""
     steps, begin = round(seconds / drive.control.ts), round(0.1 / drive.control.ts)
     scenario = closed_loop.constant(drive, first, load, HIGH_SPEED_FLUX, steps)
     wanted = np.where(np.arange(steps) < begin, first, last) * RPM
@@ -163,39 +133,13 @@ def run(
 
 
 def speeds(drive: MptcDrive, made: SensorlessRun) -> tuple[FloatArray, FloatArray]:
-    """Mechanical speed of a run.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Pole pairs.
-    made : SensorlessRun
-        The run.
-
-    Returns
-    -------
-    speed, estimate : ndarray of float64
-        r/min.
-    """
+    """Mechanical speed of a run."""
     per_rpm = drive.machine.pole_pairs * RPM
     return made.omega_r / per_rpm, made.estimate / per_rpm
 
 
 def transient_figures(drive: MptcDrive, made: SensorlessRun) -> dict[str, float]:
-    """Figures of a start or a reversal.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Pole pairs.
-    made : SensorlessRun
-        Of `run`, to 1500 r/min.
-
-    Returns
-    -------
-    dict of str to float
-        Time from the step to 1400 r/min; the largest error of the estimate from the step on.
-    """
+    """Figures of a start or a reversal."""
     speed, estimate = speeds(drive, made)
     begin = round(0.1 / made.ts)
     reached = np.flatnonzero(speed > 1400.0)
@@ -207,23 +151,7 @@ def transient_figures(drive: MptcDrive, made: SensorlessRun) -> dict[str, float]
 
 
 def steady_figures(drive: MptcDrive, made: SensorlessRun, wanted: float) -> dict[str, float]:
-    """Figures of a run at one speed, over its last third.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Pole pairs.
-    made : SensorlessRun
-        Of `run`.
-    wanted : float
-        r/min.
-
-    Returns
-    -------
-    dict of str to float
-        Largest and mean error of the machine's speed, largest error of the estimate, r/min;
-        infinite where the drive is lost.
-    """
+    """Figures of a run at one speed, over its last third."""
     last = len(made.torque) - len(made.torque) // 3
     speed, estimate = (x[last:] for x in speeds(drive, made))
     found = {
@@ -238,22 +166,7 @@ def steady_figures(drive: MptcDrive, made: SensorlessRun, wanted: float) -> dict
 def measure(
     drive: MptcDrive, advance: Callable[[], None] = lambda: None
 ) -> tuple[list[Row], Curves]:
-    """Run everything.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and full scales.
-    advance : callable
-        Called after each of the `count` parts.
-
-    Returns
-    -------
-    rows : list of dict
-        study, case, rpm, load, quantity, value.
-    curves : Curves
-        What is drawn.
-    """
+    """Run everything."""
     drive = sensorless_drive(drive)
     rows: list[Row] = []
 
@@ -315,13 +228,7 @@ def measure(
 
 
 def count() -> int:
-    """Parts of `measure`.
-
-    Returns
-    -------
-    int
-        How often it calls `advance`.
-    """
+    """Parts of `measure`."""
     points = len(REGIONS) * len(REGION_SPEEDS) * len(REGION_LOADS)
     passed = len(LOW_PASSED) * (len(FILTERS) + 3 * len(SEEDS))
     return 4 * len(CASES) + 6 * len(TRIED) + len(RESISTANCES) + passed + points

@@ -72,21 +72,7 @@ def _unlike(drive: Drive, loops: Sequence[ClosedLoopResult], run: Any) -> float:
 
 
 def point(name: str, bound: float) -> list[dict[str, Any]]:
-    """Rows of a drive and a bound: one for each setting.
-
-    Parameters
-    ----------
-    name : str
-        A drive that ships.
-    bound : float
-        Of the currents, per unit.
-
-    Returns
-    -------
-    list of dict
-        `COLUMNS`. Differences are those of the means over the starts, with half the width of their
-        95 % interval; decisions are counted in the loop closed by ideal, and by the model.
-    """
+    """Rows of a drive and a bound: one for each setting."""
     base = states.shipped(name).with_control(bound_current=bound)
     exact = _loops(base, ideal.decide, ideal.ideal_parameters(base))
     reference = _figures(base, exact)
@@ -113,49 +99,19 @@ def point(name: str, bound: float) -> list[dict[str, Any]]:
 
 
 def study(jobs: int) -> list[dict[str, Any]]:
-    """All rows.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes.
-
-    Returns
-    -------
-    list of dict
-        As of `point`, by drive and bound.
-    """
+    """All rows."""
     with Pool(jobs) as pool:
         wanted = list(itertools.product(states.SHIPPED, BOUNDS))
         return [row for rows in pool.all("straight lines", point, wanted) for row in rows]
 
 
 def read(path: Path) -> list[dict[str, Any]]:
-    """Rows of the report.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    list of dict
-        As of `point`.
-    """
+    """Rows of the report."""
     return tables.numbers(tables.read_csv(path), ("drive", "setting"))
 
 
 def write(rows: Sequence[dict[str, Any]], path: Path) -> None:
-    """Store a study.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-    path : Path
-        The file.
-    """
+    """Store a study."""
     commit, dirty = tools.git_state()
     head = (
         f"omega_s 1.0 pu, rated current, SE; {STARTS} starts of {STEPS} steps; 95 % intervals",
@@ -173,18 +129,7 @@ def _largest(rows: Sequence[dict[str, Any]], name: str) -> str:
 
 
 def settings_table(rows: Sequence[dict[str, Any]]) -> str:
-    """What each setting does, by drive: largest differences over the bounds, and decisions.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
+    """What each setting does, by drive: largest differences over the bounds, and decisions."""
     lines: list[tuple[str, ...]] = [
         ("Paper A", "its own", "below 8", "below 2", "-", "2.5"),
     ]
@@ -207,18 +152,7 @@ def settings_table(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def auto_table(rows: Sequence[dict[str, Any]]) -> str:
-    """What "auto" does at every bound, by drive.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-
-    Returns
-    -------
-    str
-        A Markdown table.
-    """
+    """What "auto" does at every bound, by drive."""
     lines = []
     for bound in BOUNDS:
         cells = [f"{bound:.2f}"]
@@ -243,29 +177,13 @@ def auto_table(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def publish(rows: Sequence[dict[str, Any]], page: Path = PAGE) -> None:
-    """Write the tables.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        As of `point`.
-    page : Path
-        The page; its markers stay.
-    """
+    """Write the tables."""
     made = {"lengths": settings_table(rows), "auto": auto_table(rows)}
     tables.rewrite(page, {(BEGIN.format(n), END.format(n)): text for n, text in made.items()})
 
 
 def regenerate(jobs: int, tables_only: bool) -> None:
-    """Run the study, or take its file, and publish.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes.
-    tables_only : bool
-        Whether the file is taken as it is.
-    """
+    """Run the study, or take its file, and publish."""
     if not tables_only:
         write(study(jobs), REPORT)
     publish(read(REPORT))

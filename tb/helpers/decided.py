@@ -35,15 +35,7 @@ def digest(simulation: str, *arrays: np.ndarray, compared: Sequence[str], seed: 
 
 
 class Decided:
-    """Digests of netlists that decided rightly.
-
-    Parameters
-    ----------
-    path
-        The file; no digests where it is missing.
-    note
-        Whether `passed` writes.
-    """
+    """Digests of netlists that decided rightly."""
 
     def __init__(self, path: Path, note: bool = False) -> None:
         self.path = path

@@ -15,31 +15,14 @@ from scripts.hdl.sources import RTL
 
 
 def file_of(unit: str, rtl: Path = RTL) -> Path:
-    """The file of a unit, whatever room it is in.
-
-    Raises
-    ------
-    AssertionError
-        If no file or more than one has the unit's name.
-    """
+    """The file of a unit, whatever room it is in."""
     found = sorted(rtl.rglob(f"{unit}.vhd"))
     assert len(found) == 1, f"{unit}.vhd stands in {len(found)} folders"
     return found[0]
 
 
 def altered(folder: Path, unit: str, old: str, new: str, times: int = 1) -> Path:
-    """Copy the design into ``folder`` and put ``new`` in the place of ``old`` in one unit's file.
-
-    Returns
-    -------
-    Path
-        The copied design, for the `rtl` argument of a bench.
-
-    Raises
-    ------
-    AssertionError
-        If ``old`` does not stand exactly ``times`` times in the file.
-    """
+    """Copy the design into ``folder``, with ``new`` in place of ``old`` in one unit's file."""
     rtl = folder / "rtl"
     shutil.copytree(RTL, rtl)
     path = file_of(unit, rtl)
@@ -74,22 +57,7 @@ class Fault:
 
 
 def assert_seen(fault: Fault, folder: Path, bench: Callable[[Path], object]) -> None:
-    """Demand that a bench notices a fault, by the check that should.
-
-    Parameters
-    ----------
-    fault
-        What is wrong.
-    folder
-        Where the design is copied to.
-    bench
-        Takes the folder of the design.
-
-    Raises
-    ------
-    AssertionError
-        If the bench passes, or fails otherwise than by that check.
-    """
+    """Demand that a bench notices a fault, by the check that should."""
     rtl = altered(folder, fault.unit, fault.text, fault.fault)
     with pytest.raises(CheckError) as caught:
         bench(rtl)

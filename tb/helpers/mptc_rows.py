@@ -191,13 +191,7 @@ def breakdown(drive: MptcDrive, psi_ref: float) -> float:
 def over_flux(
     drive: MptcDrive, rng: np.random.Generator, turns: int
 ) -> Iterator[tuple[complex, complex, float, float, float]]:
-    """Steady states over the range of flux, speed and torque, a little disturbed, each turned.
-
-    Yields
-    ------
-    tuple
-        Current in A, flux in Wb, omega_r in rad/s, torque in N*m, psi_ref in Wb.
-    """
+    """Steady states over the range of flux, speed and torque, a little disturbed, each turned."""
     for psi_ref in [*np.geomspace(0.06, 1.2, 14), 0.62]:
         most = min(35.0, 0.8 * breakdown(drive, psi_ref))
         for omega_r, torque in itertools.product(

@@ -28,28 +28,7 @@ async def compare(
     clocks: int,
     reset: float = 0.002,
 ) -> Scoreboard:
-    """Random inputs in every clock, every output compared before every edge.
-
-    Parameters
-    ----------
-    dut
-        The entity, with ports ``clk`` and ``rst``.
-    model
-        What it has to do.
-    inputs
-        Single bits by name, with the probability of a one; for a word a negative number: its bits.
-    rng
-        Source of the stimulus.
-    clocks
-        How many.
-    reset
-        Probability of a reset in a clock, besides the first two.
-
-    Returns
-    -------
-    Scoreboard
-        The checks made, by output; ``finish`` is the caller's.
-    """
+    """Random inputs in every clock, every output compared before every edge."""
     board, clock = Scoreboard(), Clock(dut)
     for k in range(clocks):
         given = {

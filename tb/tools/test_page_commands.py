@@ -132,13 +132,7 @@ Call = list[str]
 
 
 def calls(root: Path, code: str, cwd: Path | None = None, **more: str) -> list[Call]:
-    """How a script calls programs; the first word is the program's name.
-
-    Raises
-    ------
-    NotAcceptedError
-        If the shell, make or a command that is run refuses a line.
-    """
+    """How a script calls programs; the first word is the program's name."""
     noted = root / "calls"
     noted.write_bytes(b"")
     inherited = {
@@ -252,13 +246,7 @@ def _other(name: str, arguments: Call) -> None:
 
 
 def check(found: list[Call]) -> None:
-    """Check every call of a script.
-
-    Raises
-    ------
-    NotAcceptedError
-        If a program would refuse one.
-    """
+    """Check every call of a script."""
     for name, *arguments in found:
         if name == "python":
             _python(arguments)

@@ -98,20 +98,7 @@ An interval of v_n's excess ends 0.0007 pu below zero, where no excess can be.
 
 
 def faults(figure: Any, hidden: float = 1e-9) -> list[str]:
-    """What cannot be seen of a figure.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        As it is saved.
-    hidden : float
-        Share of an axis that may be cut off.
-
-    Returns
-    -------
-    list of str
-        Texts that leave the picture, axes that show less than they hold.
-    """
+    """What cannot be seen of a figure."""
     from matplotlib.text import Text
 
     figure.canvas.draw()

@@ -86,27 +86,7 @@ def _status(board: Board) -> Table:
 
 
 def identify(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Show the board's identity.
-
-    Parameters
-    ----------
-    board : Board
-        Board that has identified itself.
-    console : Console
-        Where the tables go.
-    given : Namespace
-        Arguments of the command line; none is used.
-
-    Returns
-    -------
-    int
-        Exit code: 0.
-
-    Raises
-    ------
-    LinkError
-        If the board does not answer.
-    """
+    """Show the board's identity."""
     console.print(_facts(board))
     console.print(_status(board))
     return 0
@@ -128,67 +108,13 @@ def _load(
 
 
 def load(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Write a drive file's registers, commit them and read them back.
-
-    Parameters
-    ----------
-    board : Board
-        Board that has identified itself.
-    console : Console
-        Where what was written is counted.
-    given : Namespace
-        `drive`, path of a drive file; `sensorless`, whether the board estimates the speed.
-
-    Returns
-    -------
-    int
-        Exit code: 0.
-
-    Raises
-    ------
-    LinkError
-        If the board does not answer, or has the other controller.
-    RegisterError
-        If a register cannot be written, or does not keep what was written.
-    ValueError
-        If the drive file cannot be used; the message names file and key.
-    """
+    """Write a drive file's registers, commit them and read them back."""
     _load(board, console, load_core_drive(given.drive), given)
     return 0
 
 
 def run(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Run a closed loop: the board decides, the plant is simulated here.
-
-    Parameters
-    ----------
-    board : Board
-        Board that has identified itself.
-    console : Console
-        Where the results go.
-    given : Namespace
-        `drive`; `speed`, of rated speed (MPTC: of 50 Hz); `steps`; `gates`, whether they switch;
-        `ramp_down`, the last steps, in which the reference falls to zero;
-        `out`, path of the decisions or None; `sensorless`, whether the board estimates the speed.
-
-    Returns
-    -------
-    int
-        Exit code: 0, or 1 where a decision differs from the bit-true model's.
-
-    Raises
-    ------
-    LinkError
-        If the board does not answer, gives no decision, or has the other controller.
-    RefusedError
-        If the board refuses a step.
-    RegisterError
-        If a register cannot be written, or does not keep what was written.
-    TrippedError
-        If a fault stands against the start, or turns the gates off in a step.
-    ValueError
-        If the drive file cannot be used, or `out` cannot be written.
-    """
+    """Run a closed loop: the board decides, the plant is simulated here."""
     drive = load_core_drive(given.drive)
     if given.out:  # found out after the last step, all of them would have been for nothing
         if not isinstance(drive, Drive):
@@ -200,13 +126,7 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
     _load(board, console, drive, given)
 
     def loop() -> lockstep.LockStep:
-        """Do the steps of the drive's controller.
-
-        Returns
-        -------
-        LockStep
-            What the run gave; the decisions of MPDCC are written where they are asked for.
-        """
+        """Do the steps of the drive's controller."""
         with progress_bar("steps over the link", given.steps) as progress:
             if isinstance(drive, Drive):
                 done, _, decisions = lockstep.run_mpdcc(
@@ -242,28 +162,7 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
 
 
 def monitor(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Show the status again and again, as a table or as lines of CSV.
-
-    Parameters
-    ----------
-    board : Board
-        Board that has identified itself.
-    console : Console
-        Where the table is kept up to date.
-    given : Namespace
-        `period`, s between two looks; `count`, looks, 0 without end; `csv`, whether lines of CSV go
-        to standard output instead.
-
-    Returns
-    -------
-    int
-        Exit code: 0.
-
-    Raises
-    ------
-    LinkError
-        If the board does not answer.
-    """
+    """Show the status again and again, as a table or as lines of CSV."""
     looks = range(given.count) if given.count else itertools.count()
     if given.csv:
         began = time.monotonic()
@@ -283,27 +182,7 @@ def monitor(board: Board, console: Console, given: argparse.Namespace) -> int:
 
 
 def read(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Show a register.
-
-    Parameters
-    ----------
-    board : Board
-        Board that has identified itself.
-    console : Console
-        Where the fields go, one a line.
-    given : Namespace
-        `register`, its name as in docs/registers.md.
-
-    Returns
-    -------
-    int
-        Exit code: 0.
-
-    Raises
-    ------
-    RegisterError
-        If there is no such register, or the board does not let it be read.
-    """
+    """Show a register."""
     time = given.register in GUARD_TIMES
     for field, value in board.read(given.register).items():
         meant = f", {1e9 * value / board.identity.clock:.0f} ns" if time else ""
@@ -312,28 +191,7 @@ def read(board: Board, console: Console, given: argparse.Namespace) -> int:
 
 
 def write(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Write fields of a register.
-
-    Parameters
-    ----------
-    board : Board
-        Board that has identified itself.
-    console : Console
-        Not used.
-    given : Namespace
-        `register`, its name; `fields`, each NAME=VALUE, in any base that Python reads.
-
-    Returns
-    -------
-    int
-        Exit code: 0.
-
-    Raises
-    ------
-    RegisterError
-        If there is no such register or field, or a field has no value, two, or one that does not
-        fit.
-    """
+    """Write fields of a register."""
     fields = {}
     for pair in given.fields:
         name, sign, value = pair.partition("=")
@@ -435,19 +293,7 @@ def _told(message: Warning | str, *_: object, **__: object) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Do one command; 1 when a decision differs from the model's, 2 on an error.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Of the command line; those of the process if not given.
-
-    Returns
-    -------
-    int
-        Exit code: 0, 1 when a decision differs from the model's, 2 on an error, 130 on an
-        interrupt; SIGTERM ends the process with 143. The drive is off then.
-    """
+    """Do one command; 1 when a decision differs from the model's, 2 on an error."""
     return reported("host", lambda: _main(arguments))
 
 

@@ -346,15 +346,6 @@ def _first_step(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 def _search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, prune):
     """Search all candidates.
 
-    Returns
-    -------
-    s_a, s_b, s_c, deadlock, length
-        As `decide`.
-    best, second
-        Cost of the choice and the least cost of any other s1; infinite where there is none. In a
-        deadlock both are what `_excess` says rather than J. `second` is right only if `prune`
-        is false.
-
     Notes
     -----
     Pruning skips what cannot be cheaper than the best so far, which a later candidate must be to

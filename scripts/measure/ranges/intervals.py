@@ -64,127 +64,40 @@ class Check:
 
 
 def word_range(width: int, *, signed: bool = True) -> Interval:
-    """Least and largest value of a word.
-
-    Parameters
-    ----------
-    width : int
-        Bits, sign included.
-    signed : bool
-        Whether it is two's complement.
-
-    Returns
-    -------
-    tuple of int
-        Both ends belong to it.
-    """
+    """Least and largest value of a word."""
     return (-(1 << (width - 1)), (1 << (width - 1)) - 1) if signed else (0, (1 << width) - 1)
 
 
 def times(a: Interval, b: Interval) -> Interval:
-    """Range of a product.
-
-    Parameters
-    ----------
-    a, b : tuple of int
-        Ranges of the factors.
-
-    Returns
-    -------
-    tuple of int
-        Least and largest.
-    """
+    """Range of a product."""
     products = [x * y for x in a for y in b]
     return min(products), max(products)
 
 
 def plus(*terms: Interval) -> Interval:
-    """Range of a sum.
-
-    Parameters
-    ----------
-    *terms : tuple of int
-        Ranges of the terms.
-
-    Returns
-    -------
-    tuple of int
-        Least and largest.
-    """
+    """Range of a sum."""
     return sum(t[0] for t in terms), sum(t[1] for t in terms)
 
 
 def scaled(a: Interval, factor: int) -> Interval:
-    """Range of a multiple.
-
-    Parameters
-    ----------
-    a : tuple of int
-        Range.
-    factor : int
-        Of any sign.
-
-    Returns
-    -------
-    tuple of int
-        Least and largest.
-    """
+    """Range of a multiple."""
     return times(a, (factor, factor))
 
 
 def hull(parts: Iterable[Interval]) -> Interval:
-    """Range of what is in one of several ranges.
-
-    Parameters
-    ----------
-    parts : iterable of tuple of int
-        At least one.
-
-    Returns
-    -------
-    tuple of int
-        Least and largest.
-    """
+    """Range of what is in one of several ranges."""
     every = list(parts)
     return min(p[0] for p in every), max(p[1] for p in every)
 
 
 def demand(what: str, a: Interval, width: int, *, signed: bool = True) -> None:
-    """Refuse a range that a word cannot hold.
-
-    Parameters
-    ----------
-    what : str
-        Name of the sum.
-    a : tuple of int
-        Its range.
-    width : int
-        Bits of the word.
-    signed : bool
-        Whether the word is two's complement.
-
-    Raises
-    ------
-    RangeError
-        If the word is too narrow.
-    """
+    """Refuse a range that a word cannot hold."""
     low, high = word_range(width, signed=signed)
     if a[0] < low or a[1] > high:
         raise RangeError(f"{what}: {a[0]} to {a[1]} does not fit {width} bits, {low} to {high}")
 
 
 def phases(alpha: Interval, beta: Interval) -> list[Interval]:
-    """Ranges of the three phases of components, as the core forms them with halves.
-
-    Parameters
-    ----------
-    alpha, beta : tuple of int
-        Ranges of the components.
-
-    Returns
-    -------
-    list of tuple of int
-        Of phase a, b, c.
-    """
+    """Ranges of the three phases of components, as the core forms them with halves."""
     half = (alpha[0] >> 1, alpha[1] >> 1)
     return [alpha, plus(beta, scaled(half, -1)), plus(scaled(half, -1), scaled(beta, -1))]

@@ -30,25 +30,7 @@ _CELL = 128  # rooms of an error that are looked at together, trajectory units
 
 
 def result_ranges(variant: str) -> tuple[dict[str, Interval], list[str]]:
-    """Range of every result of the common terms.
-
-    Parameters
-    ----------
-    variant : str
-        "fast" or "paper".
-
-    Returns
-    -------
-    ranges : dict of str to tuple of int
-        By result, for any content of registers and measurements.
-    saturating : list of str
-        Results whose sum may leave the word.
-
-    Raises
-    ------
-    RangeError
-        If an operand or an accumulator may overflow.
-    """
+    """Range of every result of the common terms."""
     measured = {n: word_range(m.width, signed=m.signed) for n, m in f.MEASUREMENTS.items()}
     operand = {n: r for n, r in measured.items() if not n.startswith("omega")}
     for x in ("alpha", "beta"):
@@ -85,13 +67,7 @@ def result_ranges(variant: str) -> tuple[dict[str, Interval], list[str]]:
 
 
 def common_terms() -> None:
-    """Sums of products: their accumulators hold them, and what may leave its word saturates.
-
-    Raises
-    ------
-    RangeError
-        If an accumulator is too narrow, or a result that may overflow has no flag.
-    """
+    """Sums of products: their accumulators hold them, and what may leave its word saturates."""
     for variant in programs.PROGRAMS:
         _, may_saturate = result_ranges(variant)
         for name in may_saturate:
@@ -103,13 +79,7 @@ def common_terms() -> None:
 
 
 def trajectories() -> None:
-    """Errors, slopes and the ends of a step, and the voltages of the slopes.
-
-    Raises
-    ------
-    RangeError
-        If one does not fit its word.
-    """
+    """Errors, slopes and the ends of a step, and the voltages of the slopes."""
     for variant in programs.PROGRAMS:
         t, may_saturate = result_ranges(variant)
         for name in may_saturate:
@@ -119,20 +89,7 @@ def trajectories() -> None:
 
 
 def node_words(t: Mapping[str, Interval], bend: Interval) -> None:
-    """Words that explorers make of the terms of a node.
-
-    Parameters
-    ----------
-    t : mapping of str to tuple of int
-        Range of each of ``program.TERMS``.
-    bend : tuple of int
-        Range of a curvature, trajectory units.
-
-    Raises
-    ------
-    RangeError
-        If one does not fit its word.
-    """
+    """Words that explorers make of the terms of a node."""
     width = f.TRAJECTORY_WIDTH
     others = [t[f"error_{x}"] for x in ("neutral", "a", "b", "c")]
     error = hull([*phases(t["error_alpha"], t["error_beta"]), *others])
@@ -176,13 +133,7 @@ def node_words(t: Mapping[str, Interval], bend: Interval) -> None:
 
 
 def costs() -> None:
-    """Weight of v_n at the end, its square, and the cost of a candidate.
-
-    Raises
-    ------
-    RangeError
-        If one does not fit its word.
-    """
+    """Weight of v_n at the end, its square, and the cost of a candidate."""
     for variant in programs.PROGRAMS:
         t, _ = result_ranges(variant)
         cost_words(t, f.EFFORT_WIDTH)
@@ -192,20 +143,7 @@ def costs() -> None:
 
 
 def cost_words(t: Mapping[str, Interval], effort_width: int) -> None:
-    """Words of the cost of a candidate.
-
-    Parameters
-    ----------
-    t : mapping of str to tuple of int
-        Range of each of ``program.TERMS``.
-    effort_width : int
-        Bits of its effort.
-
-    Raises
-    ------
-    RangeError
-        If one does not fit its word.
-    """
+    """Words of the cost of a candidate."""
     shares = phases(t["weight_alpha"], t["weight_beta"])
     for one in shares:
         demand("weight of a phase", one, f.WEIGHT_WIDTH)
@@ -229,13 +167,7 @@ def cost_words(t: Mapping[str, Interval], effort_width: int) -> None:
 
 
 def ranks() -> None:
-    """Excess of a candidate in a deadlock, by the weighted rule.
-
-    Raises
-    ------
-    RangeError
-        If it does not fit its word.
-    """
+    """Excess of a candidate in a deadlock, by the weighted rule."""
     neutral = 2 ** (f.TERM_WIDTH - 1) + 2 ** (f.CURRENT_TERM_WIDTH - 1)
     other = 2 ** (f.TRAJECTORY_WIDTH - 1)
     worst = max(neutral << f.DEADLOCK_NEUTRAL_SHIFT, other)
@@ -315,12 +247,6 @@ def _steepest(room: int, curvature: int, start_high: int) -> tuple[int, int]:
 
 
 def search() -> None:
-    """Words of the fast search, from inside the bound and, with the rule inwards, from outside.
-
-    Raises
-    ------
-    RangeError
-        If one does not fit its word.
-    """
+    """Words of the fast search, from inside the bound and, with the rule inwards, from outside."""
     for outside in (0, 2 ** (f.BASE_WIDTH - 1) - f.BOUND_HIGH["fast"]):
         _search(outside)

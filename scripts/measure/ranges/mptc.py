@@ -41,11 +41,6 @@ def sums() -> None:
 
     A sum begins with a word at the place of a product, with half an LSB, with a cost, or with the
     term `level`, which is the demand less the two products of the torque. Words saturate and flag.
-
-    Raises
-    ------
-    RangeError
-        If an accumulator is too narrow.
     """
     product = (1 << (g.WORD_WIDTH - 1)) ** 2
     word = 1 << (g.WORD_WIDTH - 1 + g.FRACTION)
@@ -89,11 +84,6 @@ def magnitude() -> None:
     of each component. The one across is u 2**-i at most behind it, but for what was cut: before, it
     was between nothing and twice that. It has a bit less after each rotation. Its sum may be formed
     without the upper bits, since the result fits.
-
-    Raises
-    ------
-    RangeError
-        If a component does not fit its word.
     """
     x, y = _fluxes()
     width = g.MAGNITUDE_WIDTH
@@ -127,11 +117,6 @@ def vectors() -> None:
     """Torque terms and costs of single vectors, with MPTC and MPFC; the radicand of MPFC's root.
 
     Words may hold anything. The reference's square and |v|^2 are not negative.
-
-    Raises
-    ------
-    RangeError
-        If one does not fit its word, or if a root would have to be limited.
     """
     word = word_range(g.WORD_WIDTH)
     full, half = times(word, word), 1 << (g.TORQUE_SHIFT - 1)
@@ -169,11 +154,6 @@ def pairs() -> None:
     span S. A root's rest after k bits, with r S taken twice, stays below
     2 taken + 2 unit + 2**k: a bit that is taken adds unit to taken, one that is not leaves a rest
     below 2 taken + unit, and unit, S first, is halved and cut.
-
-    Raises
-    ------
-    RangeError
-        If one does not fit its word.
     """
     level, one = _torque()
     width = g.TORQUE_WIDTH + g.DUTY_SHIFT
@@ -221,11 +201,6 @@ def coordinates() -> None:
     and their sum are 1 at most. Widths are ``HEXAGON_WIDTH``, ``SIZE_WIDTH`` and ``STEP_WIDTH`` of
     the generated package. A quotient that is too large becomes the largest; then e was halved
     before, and ``far`` says so.
-
-    Raises
-    ------
-    RangeError
-        If one does not fit its word.
     """
     word = word_range(g.WORD_WIDTH)
     dropped = g.PRODUCT_FRACTION - g.REST_FRACTION

@@ -60,11 +60,6 @@ def running_shares() -> None:
 
     Times are not negative and make one period, so a sum of parts is as large as the largest share
     of a whole period at most.
-
-    Raises
-    ------
-    RangeError
-        If a sum does not fit its word.
     """
     demand("time of the third", (0, TIME_STEPS), g.TIME_WIDTH + 1, signed=False)
     for table, below in ((VECTOR_ALPHA, 2), (VECTOR_BETA, 1)):
@@ -84,11 +79,6 @@ def shares() -> None:
     The third vector has the whole period first. The first one's time is added, and the third's part
     of it taken away; the same with the second. A pair is its second vector for the whole period and
     its direction for the duty. Its way is the product of that and a step.
-
-    Raises
-    ------
-    RangeError
-        If a sum does not fit its word.
     """
     width = g.TIME_WIDTH + 4
     word = word_range(g.WORD_WIDTH)
@@ -126,11 +116,6 @@ def quotients() -> None:
     it fits, and doubles the rest. A dividend beyond the range and a way that is not positive give
     ones; far tells of them, since they were halved before. SVM divides g by g + h, neither of them
     negative.
-
-    Raises
-    ------
-    RangeError
-        If one does not fit its word.
     """
     size, whole = _size(), _whole()
     step = size - whole + 1
@@ -155,11 +140,6 @@ def roots() -> None:
     With r found it is 2 r at most. Two more bits make it 8 r + 3; a bit that is one takes 4 r + 1
     from it and makes r 2 r + 1, one that is not leaves 4 r. The radicand is that of
     `flux_reference`.
-
-    Raises
-    ------
-    RangeError
-        If one does not fit its word.
     """
     demand("radicand", _radicand(), 2 * g.ROOT_WIDTH, signed=False)
     width = g.ROOT_WIDTH + 2
@@ -183,11 +163,6 @@ def flux_reference() -> None:
 
     The torque reference saturates and flags where a shift moves it out of its word, and so do
     |v|^2 and the square of the length.
-
-    Raises
-    ------
-    RangeError
-        If one does not fit its word.
     """
     word = word_range(g.WORD_WIDTH)
     length = scaled(word_range(g.REFERENCE_WIDTH, signed=False), 1 << g.MEASUREMENT_SHIFT)
@@ -213,11 +188,6 @@ def duties() -> None:
     what is divided lies between nothing and span. A clock finds two bits of a quotient: the rest
     behind the second one is below span of either sign, where it counts. Torques of a step are
     operands of what a duty leaves of the torque: the dc link's port is unsigned, so no step is -1.
-
-    Raises
-    ------
-    RangeError
-        If one does not fit its word.
     """
     width = g.TORQUE_WIDTH + g.DUTY_SHIFT
     word = word_range(g.WORD_WIDTH)
@@ -267,11 +237,6 @@ def leaders() -> Iterator[tuple[Form, Form]]:
 
     x is g + h/2 and y is h, in ways of a vector: both are quotients of whole bits, g and h have one
     bit more.
-
-    Yields
-    ------
-    tuple of tuple of int
-        As multiples of the quotients.
     """
     one = 1 << (g.HEXAGON_FRACTION - g.QUOTIENT_FRACTION)
     e: tuple[Form, Form] = ((one, -one // 2), (0, one))
@@ -325,13 +290,7 @@ def _line(name: str, begin: Place, end: Place) -> Line:
 
 
 def lines() -> list[Line]:
-    """Spokes to every vector, and edges to the leading one, which stands where u_1 does.
-
-    Returns
-    -------
-    list of Line
-        Of every turn.
-    """
+    """Spokes to every vector, and edges to the leading one, which stands where u_1 does."""
     every = [(int(x), int(y)) for x, y in zip(twin.HEXAGON_G, twin.HEXAGON_H, strict=True)]
     vectors = every[1:7]
     spokes = [_line(f"spoke {turn}", (0, 0), v) for turn, v in enumerate(vectors)]
@@ -342,18 +301,6 @@ def residues(line: Line, e: tuple[Form, Form]) -> list[Interval]:
     """Ranges of what remains of e behind a choice: along g, along h, and of their sum.
 
     Each is cut; a sum of two that are cut is up to one less than what their sum is cut to.
-
-    Parameters
-    ----------
-    line : Line
-        Of the choice.
-    e : tuple of tuple of int
-        As `leaders` has it.
-
-    Returns
-    -------
-    list of tuple of int
-        RESIDUE_FRACTION fractional bits.
     """
     whole = 4 << g.HEXAGON_FRACTION
     shift = g.HEXAGON_FRACTION + 2 - g.RESIDUE_FRACTION
@@ -372,11 +319,6 @@ def choices() -> None:
     A time is linear in e, and limited to the period; e lies where it may. The square of a distance
     is half of the squares of three residues, one the sum of the others. Widths are those of
     ``HEXAGON_WIDTH`` of the generated package.
-
-    Raises
-    ------
-    RangeError
-        If one does not fit its word.
     """
     width = g.QUOTIENT_WIDTH + 2
     whole = 4 << g.HEXAGON_FRACTION
@@ -415,11 +357,6 @@ def hexagon() -> None:
     so the sum of both times is what one is cut to at most. On a spoke or an edge there is one time,
     limited to the period, and the rest of it. SVM's outside the hexagon is g/(g + h), and the rest.
     So the running sequence of the next decision is used as it is.
-
-    Raises
-    ------
-    RangeError
-        If a time does not fit, or both are more than a period.
     """
     one, whole = 1 << g.HEXAGON_FRACTION, 4 << g.HEXAGON_FRACTION
     part, limited = g.HEXAGON_FRACTION - g.TIME_WIDTH, g.HEXAGON_FRACTION + 2 - g.TIME_WIDTH
@@ -449,11 +386,6 @@ def segments() -> None:
     More than a period is flagged as invalid; the rest is nothing then. Else all times make one
     period, so an end is largest where one of them has it all. With seven segments ends count
     quarters of a step, and the last one is the period's. The phase stops at its end.
-
-    Raises
-    ------
-    RangeError
-        If a sum does not fit its word.
     """
     width = player.POSITION_WIDTH + 3
     shift = player.POSITION_WIDTH - g.TIME_WIDTH
@@ -486,11 +418,6 @@ def preexcitation() -> None:
     """``mptc_preexcitation``: squares of a current and of a flux, less those of their bounds.
 
     A bound times its one's complement is less its square, and itself, which the seed puts back.
-
-    Raises
-    ------
-    RangeError
-        If a word or a sum does not fit.
     """
     measured = word_range(g.MEASUREMENT_WIDTH)
     demand("measurement as a word", measured, g.WORD_WIDTH)

@@ -69,11 +69,6 @@ def state_sums() -> None:
     The sums' width is ``STATE_SUM_WIDTH`` of the generated package. A state, a word, a port, a
     voltage and a coefficient that are taken from a sum saturate and flag. theta's change is taken
     as it is.
-
-    Raises
-    ------
-    RangeError
-        If a word does not fit.
     """
     word = word_range(observer.WORD_WIDTH)
     state = word_range(observer.STATE_WIDTH)
@@ -109,11 +104,6 @@ def voltages() -> None:
 
     A phase's width is ``STATE_PHASE_WIDTH`` of the generated package. Only what is along alpha can
     leave its word; it saturates and flags.
-
-    Raises
-    ------
-    RangeError
-        If a sum does not fit its word.
     """
     width = state_program.PHASE_WIDTH
     v_n = word_range(f.NEUTRAL_VOLTAGE.width)
@@ -150,11 +140,6 @@ def ring() -> None:
 
     state + floor((goal - state)/2**q) does not fall where state or goal rises, so its ends are
     those of both at their ends. With the charge it is a sum of products, see `state_sums`.
-
-    Raises
-    ------
-    RangeError
-        If a sum does not fit its word.
     """
     state = word_range(filters.STATE_WIDTH)
     half = (1 << (filters.GUARD - 1),) * 2
@@ -170,13 +155,7 @@ def ring() -> None:
 
 
 def states() -> None:
-    """All of ``state_observer``.
-
-    Raises
-    ------
-    RangeError
-        If a word does not fit.
-    """
+    """All of ``state_observer``."""
     state_sums()
     voltages()
     ring()
@@ -220,25 +199,13 @@ def _two_level(program: Program, balanced: bool) -> None:
 
 
 def stator_flux() -> None:
-    """``mptc_observer``, its share of a vector included.
-
-    Raises
-    ------
-    RangeError
-        If a word does not fit.
-    """
+    """``mptc_observer``, its share of a vector included."""
     _two_level(observer_program.PROGRAM, balanced=False)
     _shares(1, "vector")
 
 
 def speed() -> None:
-    """``mptc_speed_observer`` and the mean share of its sequence, whose times make one period.
-
-    Raises
-    ------
-    RangeError
-        If a word does not fit.
-    """
+    """``mptc_speed_observer`` and the mean share of its sequence, whose times make one period."""
     _two_level(speed_observer_program.PROGRAM, balanced=True)
     _shares(1 << g.TIME_WIDTH, "sequence")
 

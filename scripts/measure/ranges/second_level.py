@@ -86,17 +86,6 @@ def reaches(outside: int) -> NDArray[np.int64]:
     3. It begins beyond the far bound, and comes nearer in the first step: b + c >= 1.
 
     A single step is what the test of step one allows.
-
-    Parameters
-    ----------
-    outside : int
-        How far beyond its bound an error may begin that is followed, trajectory units; 0: none is.
-
-    Returns
-    -------
-    ndarray of int64, shape (curvatures, 2**LENGTH_WIDTH - 1)
-        Largest magnitude of e(L1) - e, by |c| and L1, trajectory units; -1 where there is no such
-        candidate. L1 is shorter than a horizon.
     """
     bound = f.BOUND_HIGH["fast"]
     longest = 2**f.LENGTH_WIDTH - 1
@@ -154,11 +143,6 @@ def ways() -> list[Way]:
 
     Straight lines end inside, or nearer than they began: their candidate has L1 steps. v_n under
     two phases moves by the complement of the third's share in the search, one less than it does.
-
-    Returns
-    -------
-    list of Way
-        Two for each L1 from 1 to the longest that is shorter than a horizon.
     """
     found = []
     base = word_range(f.BASE_WIDTH)
@@ -178,18 +162,7 @@ def ways() -> list[Way]:
 
 
 def prediction(t: Mapping[str, Interval]) -> Way:
-    """The way to k + 1 under s(k-1): one step from any errors and slopes of BASE_WIDTH bits.
-
-    Parameters
-    ----------
-    t : mapping of str to tuple of int
-        Range of each of ``program.TERMS`` at k.
-
-    Returns
-    -------
-    Way
-        Of one step.
-    """
+    """The way to k + 1 under s(k-1): one step from any errors and slopes of BASE_WIDTH bits."""
     base = word_range(f.BASE_WIDTH)
     plane = plus(base, (base[0] >> 1, base[1] >> 1))
     bend = hull([t["curvature_alpha"], t["curvature_beta"]])
@@ -245,25 +218,7 @@ def _known(way: Way) -> dict[str, Interval]:
 
 
 def successor(t: Mapping[str, Interval], way: Way) -> dict[str, Interval]:
-    """Range of every term of a node's successor.
-
-    Parameters
-    ----------
-    t : mapping of str to tuple of int
-        Range of each term of the node, and of each product of its program.
-    way : Way
-        That leads to it.
-
-    Returns
-    -------
-    dict of str to tuple of int
-        As `t`.
-
-    Raises
-    ------
-    RangeError
-        If an operand, a factor, or a result that nothing saturates does not fit its word.
-    """
+    """Range of every term of a node's successor."""
     operand, known = _operands(t, way), _known(way)
     factor = {b: word_range(f.COEFFICIENT_WIDTH) for b in programs.COEFFICIENTS}
     for name in programs.STEPS:
@@ -316,18 +271,7 @@ def _both(a: Mapping[str, Interval], b: Mapping[str, Interval]) -> dict[str, Int
 
 
 def nodes() -> tuple[dict[str, Interval], dict[str, Interval]]:
-    """Ranges of the terms of the node of k + 1 and of a node of the second level.
-
-    Returns
-    -------
-    predicted, second : dict of str to tuple of int
-        The second level's follows a node of k or of k + 1, with any L1.
-
-    Raises
-    ------
-    RangeError
-        As of `successor`.
-    """
+    """Ranges of the terms of the node of k + 1 and of a node of the second level."""
     now = result_ranges("fast")[0]
     predicted = successor(now, prediction(now))
     root, second = _both(now, predicted), dict[str, Interval]()
@@ -345,11 +289,6 @@ def bases() -> None:
     A candidate of some length has errors inside their bounds, or by the rule "inwards" errors of
     BASE_WIDTH bits in all three phases. Then their components fit too: beta's is the mean of b's
     and c's, cut. A prediction is made only where ``unfit`` says that all fit.
-
-    Raises
-    ------
-    RangeError
-        If a word does not fit.
     """
     low, high = word_range(f.BASE_WIDTH)
     bound = f.BOUND_HIGH["fast"]
@@ -361,13 +300,7 @@ def bases() -> None:
 
 
 def successors() -> None:
-    """Results of the successor's program, and its natural slope: none leaves its word unflagged.
-
-    Raises
-    ------
-    RangeError
-        If one does.
-    """
+    """Results of the successor's program, and its natural slope: none leaves its word unflagged."""
     nodes()
     for name in programs.SUCCESSOR_SATURATES:
         if not programs.saturates("fast", name):
@@ -375,13 +308,7 @@ def successors() -> None:
 
 
 def leaves() -> None:
-    """What explorers make of the nodes of k + 1 and of the second level, and the cost of a leaf.
-
-    Raises
-    ------
-    RangeError
-        If a word does not fit.
-    """
+    """What explorers make of the nodes of k + 1 and of the second level, and the cost of a leaf."""
     for t in nodes():
         node_words(t, word_range(f.CURVATURE_WIDTH))
         cost_words(t, f.TOTAL_EFFORT_WIDTH)

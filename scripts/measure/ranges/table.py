@@ -24,20 +24,7 @@ METHOD = "intervals"
 
 
 def shown(check: Check) -> tuple[str, float]:
-    """Run a check.
-
-    Parameters
-    ----------
-    check : Check
-        One of `CHECKS`.
-
-    Returns
-    -------
-    problem : str
-        What does not fit; empty if all does.
-    seconds : float
-        That it took.
-    """
+    """Run a check."""
     began, problem = time.perf_counter(), ""
     try:
         check.run()

@@ -36,15 +36,7 @@ ALL_FAULTS, LONGEST = 0x1FFF, 0xFFFF
 
 
 class Lines:
-    """Frames over a simulated board's links; which of them are served does not matter here.
-
-    Parameters
-    ----------
-    script : Script
-        Of the board.
-    controller : str
-        "mpdcc" or "mptc".
-    """
+    """Frames over a simulated board's links; which of them are served does not matter here."""
 
     def __init__(self, script: Script, controller: str) -> None:
         self.script = script
@@ -55,34 +47,13 @@ class Lines:
         self.decisions = 0
 
     def choose(self, spi: int) -> None:
-        """Put the switch of the board.
-
-        Parameters
-        ----------
-        spi : int
-            1: steps come over SPI.
-        """
+        """Put the switch of the board."""
         self.spi = spi
         self.script.steps_over_spi(bool(spi))
         self.script.wait(60)
 
     def request(self, kind: int, payload: bytes = b"", link: int | None = None) -> p.Frame | None:
-        """Send a request, wait for its reply.
-
-        Parameters
-        ----------
-        kind : int
-            Type byte.
-        payload : bytes
-            Of the request.
-        link : int | None
-            1 for SPI, 0 for UART; the one in control if None.
-
-        Returns
-        -------
-        p.Frame | None
-            The reply, if one came.
-        """
+        """Send a request, wait for its reply."""
         link = self.spi if link is None else link
         self.numbers[link] += 1
         self.raw(p.Frame(kind, self.numbers[link], payload).wire(), link, 70)
@@ -96,49 +67,19 @@ class Lines:
         return found[0] if found else None
 
     def raw(self, data: bytes, link: int, more: int = 0) -> None:
-        """Bytes on a line, whatever they are.
-
-        Parameters
-        ----------
-        data : bytes
-            Of the host.
-        link : int
-            1 for SPI.
-        more : int
-            Zeros behind them, over SPI.
-        """
+        """Bytes on a line, whatever they are."""
         if link:
             self.script.spi(data + bytes(more))
         else:
             self.script.uart(data)
 
     def write(self, name: str, word: int, link: int | None = None) -> None:
-        """Write a register by name.
-
-        Parameters
-        ----------
-        name : str
-            Of the register.
-        word : int
-            Its word.
-        link : int | None
-            As of `request`.
-        """
+        """Write a register by name."""
         address = self.registers[name][0]
         self.request(p.Type.WRITE, struct.pack("<HI", address, word), link)
 
     def load(self, drive: Drive | MptcDrive, control: int = 0, **settings: int) -> None:
-        """Write a drive's registers, commit them, clear the faults, let the gates through.
-
-        Parameters
-        ----------
-        drive : Drive | MptcDrive
-            The drive.
-        control : int
-            Bits of the register system.control beside the lowest, which lets the gates through.
-        **settings : int
-            Registers that get another word; a double underscore stands for the point.
-        """
+        """Write a drive's registers, commit them, clear the faults, let the gates through."""
         self.write("system.control", 0)
         for _, address, word in values(drive, clock=25_000_000).writes():
             self.request(p.Type.WRITE, struct.pack("<HI", address, word))
@@ -152,13 +93,7 @@ class Lines:
         self.write("system.control", 1 | control)
 
     def step(self, measured: list[int]) -> None:
-        """Ask for a decision, and take its position for the next one.
-
-        Parameters
-        ----------
-        measured : list[int]
-            Words of the measurements.
-        """
+        """Ask for a decision, and take its position for the next one."""
         payload = p.step_payload(measured, self.position, self.decisions + 1)
         reply = self.request(p.Type.STEP, payload)
         if reply is not None and reply.kind == p.Type.STEP | p.REPLY:
@@ -166,13 +101,7 @@ class Lines:
             self.decisions += 1
 
     def from_registers(self, measured: list[int]) -> None:
-        """Start decisions from the registers: just written, and not written again.
-
-        Parameters
-        ----------
-        measured : list[int]
-            Words of the measurements.
-        """
+        """Start decisions from the registers: just written, and not written again."""
         names = [name for name in self.registers if name.startswith("measurements.")]
         self.write("system.control", 0)
         self.write("system.faults", ALL_FAULTS)
@@ -188,17 +117,7 @@ class Lines:
         return name.replace("__", ".") if "__" in name else f"guard.{name}"
 
     def trip(self, rows: list[list[int]], pause: int = 200, **settings: int) -> None:
-        """Set the guard so that what comes is a fault; see it, then clear it bit by bit.
-
-        Parameters
-        ----------
-        rows : list[list[int]]
-            Words of the measurements of each step.
-        pause : int
-            Clocks without a step, after the last.
-        **settings : int
-            Registers of the guard, by their names in it; its bands as ``bands__name``.
-        """
+        """Set the guard so that what comes is a fault; see it, then clear it bit by bit."""
         self.write("system.control", 0)
         for name, word in settings.items():
             self.write(self._setting(name), word)
@@ -215,13 +134,7 @@ class Lines:
             self.write("system.faults", 1 << bit)
 
     def faults(self, rows: list[list[int]]) -> None:
-        """Bring about every fault that a board's inputs can.
-
-        Parameters
-        ----------
-        rows : list[list[int]]
-            Words of the measurements of some steps, within all limits.
-        """
+        """Bring about every fault that a board's inputs can."""
         calm = {"decision_limit": LONGEST, "watchdog": LONGEST, "minimum_on": 8, "minimum_off": 8}
         limits = ["dead_time", "current_limit", "link_high", "link_low", "speed_limit"]
         bands = [n.replace(".", "__") for n in self.registers if n.startswith("bands.")]
@@ -256,13 +169,7 @@ class Lines:
         self.write("system.control", 0)
 
     def cut(self, measured: list[int]) -> None:
-        """Frames that end too early: by the select line, and by a pause.
-
-        Parameters
-        ----------
-        measured : list[int]
-            Words of the measurements.
-        """
+        """Frames that end too early: by the select line, and by a pause."""
         self.numbers[self.spi] += 1
         payload = p.step_payload(measured, self.position, self.decisions + 1)
         wire = p.Frame(p.Type.STEP, self.numbers[self.spi], payload).wire()
@@ -277,15 +184,7 @@ class Lines:
         self.script.run()
 
     def hostile(self, rng: random.Random, count: int) -> None:
-        """Frames that are broken, cut off, too long, unknown or old, on both lines.
-
-        Parameters
-        ----------
-        rng : random.Random
-            Makes them.
-        count : int
-            How many.
-        """
+        """Frames that are broken, cut off, too long, unknown or old, on both lines."""
         for _ in range(count):
             link = rng.randrange(2)
             kind = rng.choice([*p.Type, rng.randrange(256)])
@@ -371,20 +270,7 @@ def _run(
 
 
 def mpdcc(netlist: Path, folder: Path) -> None:
-    """Drive the board of MPDCC: filters, estimates, both rules, two switchings.
-
-    Parameters
-    ----------
-    netlist : Path
-        With counters.
-    folder : Path
-        Where the simulation runs.
-
-    Raises
-    ------
-    ToolError
-        If hardly any decision is made.
-    """
+    """Drive the board of MPDCC: filters, estimates, both rules, two switchings."""
     drive = load_mpdcc_drive("anpc5l_6kv").with_control(**states.STUDIED)
     drives: list[tuple[Drive | MptcDrive, dict[str, int]]] = [
         (drive, {}),
@@ -400,20 +286,7 @@ def mpdcc(netlist: Path, folder: Path) -> None:
 
 
 def mptc(netlist: Path, folder: Path) -> None:
-    """Drive the board of MPTC: every method, with and without a speed sensor.
-
-    Parameters
-    ----------
-    netlist : Path
-        With counters.
-    folder : Path
-        Where the simulation runs.
-
-    Raises
-    ------
-    ToolError
-        If hardly any decision is made.
-    """
+    """Drive the board of MPTC: every method, with and without a speed sensor."""
     drive = load_mptc_drive("motulator_2kw2")
     methods = ("MPTC", "MPFC", *FAMILY_METHODS)
     drives: list[tuple[Drive | MptcDrive, dict[str, int]]] = [

@@ -24,27 +24,7 @@ BUDGETS = (0, 9, 60, 300)
 
 
 def one_switching(count: int, rows: int, seed: int) -> Counter[str]:
-    """Exits, ties, deadlocks and flags of MPDCC with one switching.
-
-    Parameters
-    ----------
-    count : int
-        Blocks.
-    rows : int
-        States of each.
-    seed : int
-        Of the states.
-
-    Returns
-    -------
-    Counter[str]
-        As ``blocks.Outcome`` has them.
-
-    Raises
-    ------
-    ToolError
-        If twin and second writing differ: then nothing is known.
-    """
+    """Exits, ties, deadlocks and flags of MPDCC with one switching."""
     found: Counter[str] = Counter()
     for number in range(count):
         outcome = blocks.run_mpdcc(number, seed, rows)
@@ -55,22 +35,7 @@ def one_switching(count: int, rows: int, seed: int) -> Counter[str]:
 
 
 def two_switchings(count: int, rows: int, seed: int) -> Counter[str]:
-    """Ends of the search of two switchings, and what one level would have taken.
-
-    Parameters
-    ----------
-    count : int
-        Blocks.
-    rows : int
-        States of each.
-    seed : int
-        Of the states.
-
-    Returns
-    -------
-    Counter[str]
-        What happened -> how often.
-    """
+    """Ends of the search of two switchings, and what one level would have taken."""
     found: Counter[str] = Counter()
     order = np.empty((fast.CANDIDATES, 5), dtype=np.int64)
     for number in range(count):
@@ -106,20 +71,7 @@ def two_switchings(count: int, rows: int, seed: int) -> Counter[str]:
 
 
 def two_level(rows: int, seed: int) -> Counter[str]:
-    """Choices, ties and flags of every method of MPTC and MPFC.
-
-    Parameters
-    ----------
-    rows : int
-        States of each of six blocks, for each method and rule.
-    seed : int
-        Of the states.
-
-    Returns
-    -------
-    Counter[str]
-        "method: what" -> how often.
-    """
+    """Choices, ties and flags of every method of MPTC and MPFC."""
     found: Counter[str] = Counter()
     for method in METHODS:
         for rule in RULES.get(method, ("deadbeat",)):
@@ -169,13 +121,7 @@ def _decided(drive, method: str, block: blocks.MptcBlock, seed: int) -> np.ndarr
 
 
 def ties_of_vectors() -> Counter[str]:
-    """Decisions of MPTC and MPFC in which vectors cost the same.
-
-    Returns
-    -------
-    Counter[str]
-        Without a dc-link voltage all vectors do.
-    """
+    """Decisions of MPTC and MPFC in which vectors cost the same."""
     found: Counter[str] = Counter()
     for number in (0, 4):
         block = blocks.mptc_block(number, 1, 64)

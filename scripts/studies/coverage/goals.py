@@ -63,25 +63,7 @@ class Goals:
 
 
 def read(path: Path = GOALS) -> Goals:
-    """Read the goals.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    Goals
-        What has to be reached.
-
-    Raises
-    ------
-    ToolError
-        If the file is no TOML or lacks a key.
-    OSError
-        If it cannot be read.
-    """
+    """Read the goals."""
     try:
         found = tomllib.loads(path.read_text(encoding="utf-8"))
         functional_goals = dict(found["functional"])
@@ -114,20 +96,7 @@ def _expanded(names: Iterable[str]) -> Iterable[str]:
 
 
 def of_functions(blocks: int = 64, rows: int = 512) -> dict[str, Counter[str]]:
-    """Count what both algorithms do.
-
-    Parameters
-    ----------
-    blocks : int
-        Blocks of states of MPDCC; a quarter as many with two switchings.
-    rows : int
-        States of each; a third as many with two switchings.
-
-    Returns
-    -------
-    dict[str, Counter[str]]
-        Group -> what happened how often.
-    """
+    """Count what both algorithms do."""
     return {
         "one_switching": functional.one_switching(blocks, rows, SEED),
         "two_switchings": functional.two_switchings(max(blocks // 4, 4), max(rows // 3, 1), SEED),
@@ -148,23 +117,7 @@ def _library() -> list[Path]:
 
 
 def of_netlist(name: str) -> dict[str, coverage.Seen]:
-    """Run the vectors of a netlist, or find what they saw.
-
-    Parameters
-    ----------
-    name : str
-        A key of ``rtl.RUNS``.
-
-    Returns
-    -------
-    dict[str, coverage.Seen]
-        Entity -> what was seen.
-
-    Raises
-    ------
-    ToolError
-        As ``rtl.measure``.
-    """
+    """Run the vectors of a netlist, or find what they saw."""
     top, chosen, vectors = rtl.RUNS[name]
     files = (vectors.__code__.co_filename, blocks.__file__, coverage.__file__)
     netlist = conversion.cached(top, chosen)
@@ -173,18 +126,7 @@ def of_netlist(name: str) -> dict[str, coverage.Seen]:
 
 
 def of_mapped() -> dict[str, list[int]]:
-    """Decisions of the mapped netlists, or those that were made before.
-
-    Returns
-    -------
-    dict[str, list[int]]
-        Core and family -> decisions, and how many of them differ.
-
-    Raises
-    ------
-    ToolError
-        As ``mapped.check``.
-    """
+    """Decisions of the mapped netlists, or those that were made before."""
     found: dict[str, list[int]] = {}
     for entity in mapped.CORES:
         for family in mapped.FAMILIES:
@@ -203,18 +145,7 @@ def _decisions(entity: str, family: str) -> list[int]:
 
 
 def packed(seen: Mapping[str, coverage.Seen]) -> dict[str, Any]:
-    """What was seen, as JSON can hold it.
-
-    Parameters
-    ----------
-    seen : Mapping[str, coverage.Seen]
-        Entity -> what was seen.
-
-    Returns
-    -------
-    dict[str, Any]
-        Lists.
-    """
+    """What was seen, as JSON can hold it."""
     return {
         entity: {
             "conditions": [
@@ -227,18 +158,7 @@ def packed(seen: Mapping[str, coverage.Seen]) -> dict[str, Any]:
 
 
 def unpacked(document: Mapping[str, Any]) -> dict[str, coverage.Seen]:
-    """The opposite of `packed`.
-
-    Parameters
-    ----------
-    document : Mapping[str, Any]
-        As `packed` returns it.
-
-    Returns
-    -------
-    dict[str, coverage.Seen]
-        Entity -> what was seen.
-    """
+    """The opposite of `packed`."""
     return {
         entity: coverage.Seen(
             {coverage.Condition(*place): ways for *place, ways in one["conditions"]},
@@ -249,18 +169,7 @@ def unpacked(document: Mapping[str, Any]) -> dict[str, coverage.Seen]:
 
 
 def of_rtl(names: Iterable[str]) -> dict[str, coverage.Seen]:
-    """What all netlists have seen together.
-
-    Parameters
-    ----------
-    names : Iterable[str]
-        Keys of ``rtl.RUNS``.
-
-    Returns
-    -------
-    dict[str, coverage.Seen]
-        Entity -> what was seen.
-    """
+    """What all netlists have seen together."""
     found: dict[str, coverage.Seen] = {}
     for name in names:
         with progress.busy(f"vectors through {name}"):
@@ -270,18 +179,7 @@ def of_rtl(names: Iterable[str]) -> dict[str, coverage.Seen]:
 
 
 def shares(seen: Mapping[str, coverage.Seen]) -> dict[str, dict[str, list[int]]]:
-    """Conditions, lines and bits of every entity.
-
-    Parameters
-    ----------
-    seen : Mapping[str, coverage.Seen]
-        Entity -> what was seen.
-
-    Returns
-    -------
-    dict[str, dict[str, list[int]]]
-        Entity -> "conditions", "lines", "bits" -> how many, and of how many.
-    """
+    """Conditions, lines and bits of every entity."""
     files = {name: path.name for name, path in sources.entities().items()}
     return {
         entity: {
@@ -294,22 +192,7 @@ def shares(seen: Mapping[str, coverage.Seen]) -> dict[str, dict[str, list[int]]]
 
 
 def measure(parts: Iterable[str], goals: Goals, netlists: Iterable[str] = ()) -> dict[str, Any]:
-    """Measure some parts.
-
-    Parameters
-    ----------
-    parts : Iterable[str]
-        Of ``PARTS``.
-    goals : Goals
-        Names the tests of the Python library.
-    netlists : Iterable[str]
-        Keys of ``rtl.RUNS``; all if empty.
-
-    Returns
-    -------
-    dict[str, Any]
-        Part -> its figures, and the commit.
-    """
+    """Measure some parts."""
     commit, _ = tools.git_state()
     found: dict[str, Any] = {"commit": commit}
     for part in parts:
@@ -333,37 +216,13 @@ def measure(parts: Iterable[str], goals: Goals, netlists: Iterable[str] = ()) ->
 
 
 def percent(pair: Iterable[int]) -> float:
-    """A share in percent; 100 of nothing.
-
-    Parameters
-    ----------
-    pair : Iterable[int]
-        How many, and of how many.
-
-    Returns
-    -------
-    float
-        0 to 100.
-    """
+    """A share in percent; 100 of nothing."""
     some, of = pair
     return 100 * some / of if of else 100.0
 
 
 def missed(found: Mapping[str, Any], goals: Goals) -> list[str]:
-    """Goals that what was measured does not reach.
-
-    Parameters
-    ----------
-    found : Mapping[str, Any]
-        As of `measure`; parts that are not there are not judged.
-    goals : Goals
-        What has to be reached.
-
-    Returns
-    -------
-    list[str]
-        A line for each; a goal for something that does not exist is one as well.
-    """
+    """Goals that what was measured does not reach."""
     lines = []
     for group, wanted in goals.functional.items() if "functional" in found else ():
         counts = found["functional"].get(group, {})
@@ -457,60 +316,19 @@ _TABLES = {
 
 
 def markdown(part: str, found: Mapping[str, Any], goals: Goals) -> str:
-    """The tables of a part.
-
-    Parameters
-    ----------
-    part : str
-        Of ``PARTS``.
-    found : Mapping[str, Any]
-        As of `measure`, with this part.
-    goals : Goals
-        What had to be reached.
-
-    Returns
-    -------
-    str
-        Markdown.
-    """
+    """The tables of a part."""
     head = f"Measured at commit `{found['commit'][:12]}`."
     return "\n".join([head, "", *_TABLES[part](found[part], goals)])
 
 
 def publish(found: Mapping[str, Any], goals: Goals, page: Path = PAGE) -> None:
-    """Write the tables of the parts that were measured into the page.
-
-    Parameters
-    ----------
-    found : Mapping[str, Any]
-        As of `measure`.
-    goals : Goals
-        What had to be reached.
-    page : Path
-        The page.
-
-    Raises
-    ------
-    MarkerError
-        If it has no place for them.
-    """
+    """Write the tables of the parts that were measured into the page."""
     texts = {marks(part): markdown(part, found, goals) for part in PARTS if part in found}
     tables.rewrite(page, texts)
 
 
 def marks(part: str) -> tuple[str, str]:
-    """What stands before and behind the tables of a part.
-
-    Parameters
-    ----------
-    part : str
-        Of ``PARTS``.
-
-    Returns
-    -------
-    tuple of two str
-        Comments of the page.
-    """
+    """What stands before and behind the tables of a part."""
     return (
         f"<!-- coverage, {part}: begin (written by make coverage) -->",
         f"<!-- coverage, {part}: end -->",

@@ -22,23 +22,7 @@ TIMEOUT = 1800
 
 
 def measure(tests: Sequence[str]) -> dict[str, tuple[int, int]]:
-    """Run tests and count branches.
-
-    Parameters
-    ----------
-    tests : Sequence[str]
-        Files of tests, as of pytest.
-
-    Returns
-    -------
-    dict[str, tuple[int, int]]
-        Folder of the library, or its file -> branches taken, and of how many.
-
-    Raises
-    ------
-    ToolError
-        If coverage.py is missing or a test fails.
-    """
+    """Run tests and count branches."""
     with tempfile.TemporaryDirectory(prefix="coverage-") as name:
         folder = Path(name)
         data = f"--data-file={folder / 'data'}"

@@ -72,20 +72,7 @@ def _compared(
 
 
 def mpdcc_rows_of(rows: int, seed: int = 1) -> mpdcc_rows.Rows:
-    """States of every kind of the torture, each by every rule, a part of them with two switchings.
-
-    Parameters
-    ----------
-    rows : int
-        Of each of 32 blocks.
-    seed : int
-        Of the states.
-
-    Returns
-    -------
-    mpdcc_rows.Rows
-        32 rows of each, in random order.
-    """
+    """States of every kind of the torture, each by every rule, some with two switchings."""
     rng = np.random.default_rng(seed)
     parts = []
     for number in range(32):
@@ -169,22 +156,7 @@ def _joined_drive(netlist: Path, folder: Path) -> None:
 
 
 def family_rows(blocks_of_each: int, rows: int, seed: int) -> tuple[Columns, Columns]:
-    """Decisions of every method of `mptc_family_core`, in random order.
-
-    Parameters
-    ----------
-    blocks_of_each : int
-        Blocks of states of each method; MPTC1 and MPTC2 by each of their duty rules.
-    rows : int
-        States of each block.
-    seed : int
-        Of states and running sequences.
-
-    Returns
-    -------
-    tuple of two dicts
-        Inputs, and what the twins answer to them: port -> values.
-    """
+    """Decisions of every method of `mptc_family_core`, in random order."""
     rng = np.random.default_rng(seed)
     seen, answers = [], []
     for code, method in enumerate(("", *FAMILY_METHODS)):
@@ -254,23 +226,7 @@ RUNS: dict[str, tuple[str, Generics, Vectors]] = {
 
 
 def measure(name: str) -> dict[str, coverage.Seen]:
-    """Run the vectors of one netlist.
-
-    Parameters
-    ----------
-    name : str
-        A key of ``RUNS``.
-
-    Returns
-    -------
-    dict[str, coverage.Seen]
-        Entity -> what was seen of it.
-
-    Raises
-    ------
-    ToolError
-        If a tool is missing or fails, or a decision is not the model's.
-    """
+    """Run the vectors of one netlist."""
     top, chosen, vectors = RUNS[name]
     converted = conversion.cached(top, chosen)
     text, modules = coverage.instrument(converted.read_text(encoding="utf-8"))

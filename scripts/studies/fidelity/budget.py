@@ -71,18 +71,7 @@ class Setting:
     error_bits: int | None = None
 
     def parameters(self, point: Point) -> r.Replica:
-        """The replica for a point.
-
-        Parameters
-        ----------
-        point : Point
-            Machine and bound.
-
-        Returns
-        -------
-        r.Replica
-            Its parameters.
-        """
+        """The replica for a point."""
         drive = point.load()
         grains = dict(self.grains)
         if self.error_bits is not None:
@@ -92,13 +81,7 @@ class Setting:
 
 
 def settings() -> list[Setting]:
-    """All settings that are counted.
-
-    Returns
-    -------
-    list[Setting]
-        In the order of the table.
-    """
+    """All settings that are counted."""
     built = dict.fromkeys(r.GRAINS, 1.0)
     exact = {"trajectory": r.EXACT, "first_exit": r.EVERY_STEP}
     found = [
@@ -130,22 +113,7 @@ def settings() -> list[Setting]:
 
 
 def measure(point: Point, driver: str, steps: int = STEPS) -> Row:
-    """Count every setting on the states of one loop; kept.
-
-    Parameters
-    ----------
-    point : Point
-        Where the loop runs.
-    driver : str
-        Who closes the loop, "ideal" or "model".
-    steps : int
-        Control steps.
-
-    Returns
-    -------
-    Row
-        ``steps``, ``deadlocks``, and ``differing``: a number for each setting.
-    """
+    """Count every setting on the states of one loop; kept."""
 
     def _compute() -> Row:
         seen, _, exact = loop(point, "fast", driver, steps, DRIVERS.index(driver))
@@ -168,18 +136,7 @@ def measure(point: Point, driver: str, steps: int = STEPS) -> Row:
 
 
 def table(rows: list[Row]) -> list[Row]:
-    """Rows of error_budget.csv: share of differing decisions per setting.
-
-    Parameters
-    ----------
-    rows : list[Row]
-        From `measure`.
-
-    Returns
-    -------
-    list[Row]
-        A row for each setting; points with many deadlocks are left out.
-    """
+    """Rows of error_budget.csv: share of differing decisions per setting."""
     usual = [row for row in rows if row["deadlocks"] <= DEADLOCKED * row["steps"]]
     steps = sum(row["steps"] for row in usual)
     counts = np.sum([row["differing"] for row in usual], axis=0)
@@ -214,11 +171,6 @@ def parabolas() -> Row:
 
     Errors anywhere in the band, slopes up to a quarter of the band per step, curvatures up to what
     turns the steepest of them within 63 steps.
-
-    Returns
-    -------
-    Row
-        Their number, and three shares in percent.
     """
     rng = np.random.default_rng(0)
     bound = formats.BOUND_HIGH["fast"]

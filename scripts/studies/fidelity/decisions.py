@@ -54,30 +54,7 @@ class FidelityError(ToolError):
 
 @njit
 def edges(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """Distance of the output nearest to its bound at k, and at k + 1 if the position is kept.
-
-    Parameters
-    ----------
-    p : ideal.IdealParameters
-        The ideal controller's.
-    x_m : ndarray, shape (4,)
-        Stator current and rotor flux, alpha and beta, per unit.
-    x_inv : ndarray, shape (4,)
-        v_n and the three v_ph, per unit.
-    vdc : float
-        Dc-link voltage, per unit.
-    iref : ndarray, shape (2,)
-        Reference of the stator current, per unit.
-    omega_s, omega_r : float
-        Angular frequencies of stator and rotor, per unit.
-    s_prev : ndarray of int, shape (3,)
-        s(k-1), positions 0 to 7.
-
-    Returns
-    -------
-    tuple of float
-        At k and at k + 1, per unit.
-    """
+    """Distance of the output nearest to its bound at k, and at k + 1 if the position is kept."""
     a11, a12, _, _, b1, _ = discretise(p.load, omega_r, p.ts)
     current = complex(x_m[0], x_m[1])
     i_a, i_b, i_c = ideal.phases(current)
@@ -105,23 +82,7 @@ def edges(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 
 
 def near_ties(reference: ideal.IdealParameters, seen: MpdccTrace, rows: IntArray) -> dict[str, int]:
-    """Sort the given rows, all of them different decisions, by how close the decision was.
-
-    Parameters
-    ----------
-    reference : ideal.IdealParameters
-        The ideal controller's parameters.
-    seen : MpdccTrace
-        States of a loop.
-    rows : IntArray
-        Indices of those that are sorted.
-
-    Returns
-    -------
-    dict
-        ``tie_cost``: two candidates within ``TIE`` (in a deadlock: within ``LSB``); else
-        ``tie_bound``: an output within ``LSB`` of its bound at k or k + 1; else ``clear``.
-    """
+    """Sort the given rows, all of them different decisions, by how close the decision was."""
     counts = {"tie_cost": 0, "tie_bound": 0, "clear": 0}
     for k in rows:
         arguments = (
@@ -141,29 +102,7 @@ def near_ties(reference: ideal.IdealParameters, seen: MpdccTrace, rows: IntArray
 def netlist_of(
     variant: str, second: bool = False, weighted: bool = False, inward: bool = False
 ) -> tuple[str, dict[str, int | bool], dict[str, object]]:
-    """Entity, generics and options of the compiled netlist; it is compiled if need be.
-
-    Parameters
-    ----------
-    variant : str
-        "fast" or "paper".
-    second : bool
-        Whether SESE and delay compensation are built in.
-    weighted : bool
-        Whether the weighted deadlock rule is built in.
-    inward : bool
-        Whether the rule inwards is built in.
-
-    Returns
-    -------
-    tuple of str, dict and dict
-        For `netlist_check.simulate`.
-
-    Raises
-    ------
-    ToolError
-        If a tool is missing or fails.
-    """
+    """Entity, generics and options of the compiled netlist; it is compiled if need be."""
     generics: dict[str, int | bool] = {"EXPLORERS": EXPLORERS, "FOLDED": variant == "paper"}
     if second:
         generics["SECOND_LEVEL"] = True
@@ -181,29 +120,7 @@ def netlist_of(
 def decide_netlist(
     variant: str, measurements: IntArray, s_prev: IntArray, registers: IntArray
 ) -> IntArray:
-    """Decisions of the netlist in Verilator.
-
-    Parameters
-    ----------
-    variant : str
-        "fast" or "paper".
-    measurements : IntArray
-        Shape (n, 13), in the order of ``formats.MEASUREMENTS``.
-    s_prev : IntArray
-        s(k-1), positions 0 to 7, shape (n, 3).
-    registers : IntArray
-        `Registers.array()`, shape (44,).
-
-    Returns
-    -------
-    IntArray
-        Shape (n, 8): ``FIELDS``, then the clock cycles.
-
-    Raises
-    ------
-    ToolError
-        If a tool is missing or fails.
-    """
+    """Decisions of the netlist in Verilator."""
     top, generics, options = netlist_of(
         variant, second_level(registers), weighted_deadlock(registers), inwards(registers)
     )
@@ -218,29 +135,7 @@ def decide_netlist(
 
 
 def verify(variant: str, seen: MpdccTrace, model: Decisions, registers: IntArray) -> int:
-    """Let the RTL's netlist decide on every row.
-
-    Parameters
-    ----------
-    variant : str
-        "fast" or "paper".
-    seen : MpdccTrace
-        n states.
-    model : Decisions
-        The model's decisions on them.
-    registers : IntArray
-        `Registers.array()`, shape (44,).
-
-    Returns
-    -------
-    int
-        Rows that have been decided, n.
-
-    Raises
-    ------
-    FidelityError
-        If a decision differs from the model's in any field.
-    """
+    """Let the RTL's netlist decide on every row."""
     measurements, clipped = common.encode(seen)
     answered = decide_netlist(variant, measurements, seen.s_prev, registers)
     answered[:, 6] |= clipped
@@ -252,29 +147,7 @@ def verify(variant: str, seen: MpdccTrace, model: Decisions, registers: IntArray
 
 
 def sample_ghdl(drive: str, bound: float, variant: str) -> Row:
-    """Let GHDL decide ``SAMPLE`` steps of every point of a drive and bound; kept.
-
-    Parameters
-    ----------
-    drive : str
-        Name of its file without suffix.
-    bound : float
-        Of the currents, per unit.
-    variant : str
-        "fast" or "paper".
-
-    Returns
-    -------
-    Row
-        ``variant``, and ``steps`` that GHDL has decided.
-
-    Raises
-    ------
-    FidelityError
-        If GHDL and the netlist differ in a field or in a clock.
-    SimulationError
-        If GHDL is missing or fails.
-    """
+    """Let GHDL decide ``SAMPLE`` steps of every point of a drive and bound; kept."""
 
     def _compute() -> Row:
         chosen = [p for p in points() if (p.drive, p.bound) == (drive, bound)]
@@ -298,26 +171,7 @@ def sample_ghdl(drive: str, bound: float, variant: str) -> Row:
 def loop(
     point: Point, variant: str, driver: str, steps: int, seed: int = 0
 ) -> tuple[MpdccTrace, Decisions, Decisions]:
-    """Close the loop once: what was seen, and what model and ideal controller decided there.
-
-    Parameters
-    ----------
-    point : Point
-        Where the loop runs.
-    variant : str
-        Of the model, "fast" or "paper".
-    driver : str
-        Who closes the loop, "ideal" or "model".
-    steps : int
-        Control steps.
-    seed : int
-        Of the start.
-
-    Returns
-    -------
-    tuple of MpdccTrace, Decisions and Decisions
-        States, the model's decisions, the ideal controller's.
-    """
+    """Close the loop once: what was seen, and what model and ideal controller decided there."""
     drive = point.load()
     chosen = VARIANTS[variant]
     if driver == "ideal":
@@ -341,31 +195,7 @@ def _rows(decided: Decisions, rows: IntArray) -> Decisions:
 
 
 def compare(point: Point, variant: str, driver: str, steps: int, *, rtl: bool = True) -> Row:
-    """Compare the decisions of model, ideal controller and RTL on the states of one loop.
-
-    Parameters
-    ----------
-    point : Point
-        Where the loop runs.
-    variant : str
-        Of the model, "fast" or "paper".
-    driver : str
-        Who closes the loop, "ideal" or "model".
-    steps : int
-        Control steps.
-    rtl : bool
-        Whether the RTL decides as well.
-
-    Returns
-    -------
-    Row
-        One row of fidelity_decisions.csv.
-
-    Raises
-    ------
-    FidelityError
-        If the RTL decides otherwise than the model.
-    """
+    """Compare the decisions of model, ideal controller and RTL on the states of one loop."""
     drive = point.load()
     seen, model, exact = loop(point, variant, driver, steps, DRIVERS.index(driver))
     verified = 0
@@ -390,29 +220,7 @@ def compare(point: Point, variant: str, driver: str, steps: int, *, rtl: bool = 
 
 
 def measure(point: Point, variant: str, driver: str, steps: int = STEPS) -> Row:
-    """As `compare`, verified on the RTL and kept.
-
-    Parameters
-    ----------
-    point : Point
-        Where the loop runs.
-    variant : str
-        Of the model, "fast" or "paper".
-    driver : str
-        Who closes the loop, "ideal" or "model".
-    steps : int
-        Control steps.
-
-    Returns
-    -------
-    Row
-        One row of fidelity_decisions.csv.
-
-    Raises
-    ------
-    FidelityError
-        If the RTL decides otherwise than the model.
-    """
+    """As `compare`, verified on the RTL and kept."""
     name = f"decisions-{variant}-{driver}-{point.drive}-{point.bound}-{point.omega_s}-{steps}"
     return kept(stored(name, "decisions", rtl=True), lambda: compare(point, variant, driver, steps))
 
@@ -421,16 +229,6 @@ def summarise(rows: list[Row]) -> dict[str, float]:
     """Figures of one variant: averages over the points of both drivers.
 
     Points where more than ``DEADLOCKED`` of the steps are deadlocks are kept apart.
-
-    Parameters
-    ----------
-    rows : list[Row]
-        Of one variant, from `compare`.
-
-    Returns
-    -------
-    dict[str, float]
-        Numbers of steps and runs; shares in percent.
     """
     usual = [r for r in rows if r["deadlocks"] <= DEADLOCKED * r["steps"]]
     rest = [r for r in rows if r["deadlocks"] > DEADLOCKED * r["steps"]]

@@ -37,40 +37,14 @@ KEYS = ("drive", "bound_current_pu", "omega_s_pu")
 
 
 def blocks(point: Point, name: str) -> int:
-    """Blocks of starts that a controller is given at a point, by how far its runs spread.
-
-    Parameters
-    ----------
-    point : Point
-        Where the loops run.
-    name : str
-        Of the controller.
-
-    Returns
-    -------
-    int
-        Number of blocks, of ``STARTS`` starts each.
-    """
+    """Blocks of starts that a controller is given at a point, by how far its runs spread."""
     if name == "paper":
         return BLOCKS_PAPER
     return BLOCKS_SLOW if abs(point.omega_s) < SLOW else BLOCKS
 
 
 def controller(point: Point, name: str) -> tuple[Any, Any]:
-    """Compiled decision and its parameters.
-
-    Parameters
-    ----------
-    point : Point
-        Machine and bound.
-    name : str
-        "ideal", "fast", "paper", or one of ``EXPLAINING``.
-
-    Returns
-    -------
-    tuple[Any, Any]
-        Two arguments of `closed_loop.simulate`.
-    """
+    """Compiled decision and its parameters."""
     drive = point.load()
     if name == "ideal":
         return ideal.decide, ideal.ideal_parameters(drive)
@@ -81,18 +55,7 @@ def controller(point: Point, name: str) -> tuple[Any, Any]:
 
 
 def known_mean(values: ArrayLike) -> float:
-    """Mean of the values that are not nan; nan where there is none, in all-deadlock runs.
-
-    Parameters
-    ----------
-    values : ArrayLike
-        Any shape.
-
-    Returns
-    -------
-    float
-        In the values' unit.
-    """
+    """Mean of the values that are not nan; nan where there is none, in all-deadlock runs."""
     array = np.asarray(values, dtype=np.float64)
     known = array[~np.isnan(array)]
     return float(known.mean()) if len(known) else math.nan
@@ -118,25 +81,7 @@ def _run(point: Point, name: str, block: int, starts: int, steps: int) -> Row:
 
 
 def replayed(point: Point, variant: str) -> Row:
-    """Let the RTL decide the first steps of the point's first run; kept.
-
-    Parameters
-    ----------
-    point : Point
-        Where the loop runs.
-    variant : str
-        "fast" or "paper".
-
-    Returns
-    -------
-    Row
-        ``variant``, and ``steps`` that the RTL has decided.
-
-    Raises
-    ------
-    FidelityError
-        If the RTL decides otherwise than the model.
-    """
+    """Let the RTL decide the first steps of the point's first run; kept."""
 
     def _compute() -> Row:
         drive = point.load()
@@ -152,39 +97,13 @@ def replayed(point: Point, variant: str) -> Row:
 
 
 def measure(point: Point, name: str, block: int) -> Row:
-    """As `_run`, kept.
-
-    Parameters
-    ----------
-    point : Point
-        Where the loops run.
-    name : str
-        Of the controller.
-    block : int
-        Number of the block, from 0 on.
-
-    Returns
-    -------
-    Row
-        ``fsw_hz``, ``thd_pct``, ``deadlocks_pct`` and ``length``: a value for each start.
-    """
+    """As `_run`, kept."""
     key = f"loops-{name}-{point.drive}-{point.bound}-{point.omega_s}-{block}-{STARTS}x{STEPS}"
     return kept(stored(key, "loops"), lambda: _run(point, name, block, STARTS, STEPS))
 
 
 def joined(rows: list[Row]) -> list[Row]:
-    """Blocks of the same point and controller as one row each.
-
-    Parameters
-    ----------
-    rows : list[Row]
-        From `measure`.
-
-    Returns
-    -------
-    list[Row]
-        One row for each point and controller.
-    """
+    """Blocks of the same point and controller as one row each."""
     found: dict[tuple[Any, ...], Row] = {}
     for row in rows:
         key = tuple(row[k] for k in (*KEYS, "controller"))
@@ -207,23 +126,7 @@ def _difference(exact: Row, ours: Row, figure: str) -> tuple[float, float]:
 
 
 def table(rows: list[Row]) -> list[Row]:
-    """Rows of fidelity_loops.csv: one per point and controller but ideal.
-
-    Parameters
-    ----------
-    rows : list[Row]
-        From `joined`, the ideal controller's among them.
-
-    Returns
-    -------
-    list[Row]
-        Means in Hz, percent and steps; differences and their standard errors in percent.
-
-    Raises
-    ------
-    KeyError
-        If the ideal controller's row of a point is missing.
-    """
+    """Rows of fidelity_loops.csv: one per point and controller but ideal."""
     exact = {tuple(r[k] for k in KEYS): r for r in rows if r["controller"] == "ideal"}
     result = []
     for ours in rows:

@@ -25,24 +25,6 @@ def measure(drive: Drive, variant: str, omega_s: float, name: str, swept: str) -
 
     A closed loop of this kind is chaotic: two runs that differ in their start alone spread. Means
     over `SEEDS` starts are compared, and the standard error of the difference stands beside it.
-
-    Parameters
-    ----------
-    drive : Drive
-        Machine, inverter and bounds.
-    variant : str
-        Of the model, "fast" or "paper".
-    omega_s : float
-        Stator frequency, per unit, signed.
-    name : str
-        Of the drive, for the row.
-    swept : str
-        What the row belongs to, "speed" or "bound".
-
-    Returns
-    -------
-    dict[str, Any]
-        Frequencies in Hz, distortion and differences in percent, counts of decisions.
     """
     chosen = VARIANTS[variant]
     register, reference = chosen.registers(drive).array(), ideal.ideal_parameters(drive)

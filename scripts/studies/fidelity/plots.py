@@ -43,15 +43,7 @@ def _values(rows: Sequence[Row], group: str) -> dict[str, float]:
 
 
 def draw_budget(rows: Sequence[Row], path: Path) -> None:
-    """Bars per approximation and rounding: alone, and what leaving it out gains.
-
-    Parameters
-    ----------
-    rows : Sequence[Row]
-        From `budget.table`.
-    path : Path
-        PNG file.
-    """
+    """Bars per approximation and rounding: alone, and what leaving it out gains."""
     plt = pyplot()
     alone, without = _values(rows, "alone"), _values(rows, "without")
     whole = _values(rows, "whole")
@@ -85,15 +77,7 @@ def draw_budget(rows: Sequence[Row], path: Path) -> None:
 
 
 def draw_words(rows: Sequence[Row], path: Path) -> None:
-    """Mismatch against word length.
-
-    Parameters
-    ----------
-    rows : Sequence[Row]
-        From `budget.table`.
-    path : Path
-        PNG file.
-    """
+    """Mismatch against word length."""
     plt = pyplot()
     figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.6), sharey=True, layout="constrained")
     for group, label, colour in (
@@ -123,15 +107,7 @@ def draw_words(rows: Sequence[Row], path: Path) -> None:
 
 
 def draw_loops(rows: Sequence[Row], path: Path) -> None:
-    """Differences of switching frequency and THD per point, with their 95 % intervals.
-
-    Parameters
-    ----------
-    rows : Sequence[Row]
-        From `loops.table`.
-    path : Path
-        PNG file.
-    """
+    """Differences of switching frequency and THD per point, with their 95 % intervals."""
     plt = pyplot()
     drives = list(dict.fromkeys(r["drive"] for r in rows))
     bounds = sorted({r["bound_current_pu"] for r in rows})
@@ -190,18 +166,7 @@ def draw_loops(rows: Sequence[Row], path: Path) -> None:
 
 
 def decision_table(figures: dict[str, Any]) -> str:
-    """Decisions on the same states, both variants.
-
-    Parameters
-    ----------
-    figures : dict[str, Any]
-        What reports/fidelity.json holds.
-
-    Returns
-    -------
-    str
-        Markdown.
-    """
+    """Decisions on the same states, both variants."""
     fast, paper = figures["mpdcc"], figures["mpdcc_paper"]
     labels = {
         "steps": "steps",
@@ -224,18 +189,7 @@ def decision_table(figures: dict[str, Any]) -> str:
 
 
 def speed_table(rows: Sequence[Row]) -> str:
-    """Decisions that differ by speed, all runs of both drives and directions.
-
-    Parameters
-    ----------
-    rows : Sequence[Row]
-        Of reports/fidelity_decisions.csv.
-
-    Returns
-    -------
-    str
-        Markdown; the smallest and the largest share of a drive, bound and direction in brackets.
-    """
+    """Decisions that differ by speed, all runs of both drives and directions."""
     lines = []
     for speed in sorted({abs(row["omega_s_pu"]) for row in rows}):
         cells = []
@@ -257,18 +211,7 @@ def speed_table(rows: Sequence[Row]) -> str:
 
 
 def loop_table(figures: dict[str, Any]) -> str:
-    """Closed loops of their own, both variants.
-
-    Parameters
-    ----------
-    figures : dict[str, Any]
-        What reports/fidelity.json holds.
-
-    Returns
-    -------
-    str
-        Markdown: two tables.
-    """
+    """Closed loops of their own, both variants."""
 
     def _cells(key: str) -> list[str]:
         result = []
@@ -360,20 +303,7 @@ def _straight_table(rows: Sequence[Row]) -> str:
 
 
 def page_tables(found: dict[str, Any], explaining: Sequence[Row]) -> dict[tuple[str, str], str]:
-    """Every generated table of reports/accuracy.md by the markers around it.
-
-    Parameters
-    ----------
-    found : dict[str, Any]
-        Rows of every measurement by its name.
-    explaining : Sequence[Row]
-        Rows of the closed loops at rated speed, one for each controller and start.
-
-    Returns
-    -------
-    dict
-        Begin and end marker -> table as Markdown.
-    """
+    """Every generated table of reports/accuracy.md by the markers around it."""
     exits = found["parabolas"]
     named = {
         "decisions by speed": speed_table(found["decisions"]),

@@ -43,40 +43,17 @@ class Point:
     omega_s: float
 
     def load(self) -> Drive:
-        """The drive with this point's bound.
-
-        Returns
-        -------
-        Drive
-            Per unit.
-
-        Raises
-        ------
-        DriveFileError
-            If the drive file is not right.
-        """
+        """The drive with this point's bound."""
         drive = states.shipped(self.drive)
         return drive.with_control(bound_current=self.bound)
 
     def row(self) -> Row:
-        """What every table begins with.
-
-        Returns
-        -------
-        Row
-            Drive, bound and stator frequency, per unit.
-        """
+        """What every table begins with."""
         return {"drive": self.drive, "bound_current_pu": self.bound, "omega_s_pu": self.omega_s}
 
 
 def points() -> list[Point]:
-    """All operating points.
-
-    Returns
-    -------
-    list[Point]
-        By drive, bound, direction and speed.
-    """
+    """All operating points."""
     return [
         Point(drive, bound, sign * speed)
         for drive in DRIVES
@@ -99,20 +76,5 @@ def _key(module: str, rtl: bool) -> str:
 
 
 def stored(name: str, module: str, rtl: bool = False) -> Path:
-    """File that keeps a result as long as nothing changes that it depends on.
-
-    Parameters
-    ----------
-    name : str
-        Of the result.
-    module : str
-        Module of this package that measures it.
-    rtl : bool
-        Whether the RTL took part.
-
-    Returns
-    -------
-    Path
-        JSON file below build/fidelity; it need not exist.
-    """
+    """File that keeps a result as long as nothing changes that it depends on."""
     return ROOT / "build" / "fidelity" / f"{name}-{_key(module, rtl)}.json"

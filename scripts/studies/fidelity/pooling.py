@@ -40,21 +40,7 @@ def _columns(rows: list[Row], figure: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pooled(rows: list[Row], name: str) -> dict[str, float]:
-    """Pooled differences of one controller in percent, from the rows of ``loops.table``.
-
-    Parameters
-    ----------
-    rows : list[Row]
-        From `loops.table`.
-    name : str
-        Of the controller.
-
-    Returns
-    -------
-    dict[str, float]
-        Steps; differences and limits of their 95 % intervals in percent; chi-square per degree of
-        freedom.
-    """
+    """Pooled differences of one controller in percent, from the rows of ``loops.table``."""
     chosen = [row for row in rows if row["controller"] == name]
     result: dict[str, float] = {"steps_closed_loop": sum(row["steps"] for row in chosen)}
     for figure in ("fsw", "thd"):
@@ -73,20 +59,7 @@ def pooled(rows: list[Row], name: str) -> dict[str, float]:
 
 
 def by_speed(rows: list[Row], name: str) -> list[dict[str, float]]:
-    """Differences per speed, equal weights over machines, bounds and rotations.
-
-    Parameters
-    ----------
-    rows : list[Row]
-        From `loops.table`.
-    name : str
-        Of the controller.
-
-    Returns
-    -------
-    list[dict[str, float]]
-        A row for each speed: differences and half widths of their 95 % intervals, percent.
-    """
+    """Differences per speed, equal weights over machines, bounds and rotations."""
     result = []
     for speed in SPEEDS:
         chosen = [

@@ -148,29 +148,7 @@ def replica(
     trajectory: int = FITTED,
     first_exit: int = THRESHOLD,
 ) -> Replica:
-    """Set up the replica of a drive's controller.
-
-    Parameters
-    ----------
-    drive : Drive
-        Drive, horizon SE.
-    grains : Mapping[str, float] | float
-        Grain of each of ``GRAINS``, 0 for those not named; or one for all.
-    trajectory : int
-        EXACT to EULER.
-    first_exit : int
-        EVERY_STEP, THRESHOLD or PLAIN; EXACT always looks at every step.
-
-    Returns
-    -------
-    Replica
-        Its parameters.
-
-    Raises
-    ------
-    ValueError
-        If a grain is of no rounding.
-    """
+    """Set up the replica of a drive's controller."""
     if not isinstance(grains, Mapping):
         grains = dict.fromkeys(GRAINS, float(grains))
     unknown = set(grains) - set(GRAINS)
@@ -377,30 +355,7 @@ def _slopes(p, s, natural, forced, phase, midpoint, out):
 
 @njit
 def decide(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """Decide as the fast variant would with these roundings, horizon SE (Paper A, Algorithm 1).
-
-    Parameters
-    ----------
-    p : Replica
-        Grains, trajectory and search.
-    x_m : (4,) float
-        i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta at k, per unit, as are all others.
-    x_inv : (4,) float
-        v_n, v_ph_a, v_ph_b, v_ph_c at k.
-    vdc : float
-        dc-link voltage.
-    iref : (2,) float
-        Current reference at k, alpha and beta.
-    omega_s, omega_r : float
-        Stator and rotor angular speed.
-    s_prev : (3,) int
-        Positions s(k-1), 0..7.
-
-    Returns
-    -------
-    s_a, s_b, s_c, held, deadlock, length, saturated : int
-        As ``ideal.decide``; `saturated` is always 0.
-    """
+    """Decide as the fast variant would with these roundings, horizon SE (Paper A, Algorithm 1)."""
     horizon = p.exact.horizon
     measured = np.empty(13)
     measured[0:4] = x_m
@@ -577,20 +532,7 @@ def _run(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, out):
 
 
 def run(parameters: Replica, trace: Any) -> IntArray:
-    """Decisions on every row of a trace: (n, 7), as ``decide`` returns them.
-
-    Parameters
-    ----------
-    parameters : Replica
-        From `replica`.
-    trace : MpdccTrace
-        n states, per unit.
-
-    Returns
-    -------
-    IntArray
-        Shape (n, 7), columns as ``decide`` returns them.
-    """
+    """Decisions on every row of a trace: (n, 7), as ``decide`` returns them."""
     out = np.empty((len(trace), 7), np.int64)
     _run(
         parameters, trace.x_m, trace.x_inv, trace.vdc, trace.iref, trace.omega_s, trace.omega_r,

@@ -22,27 +22,7 @@ SAMPLED_BOUND = 0.10  # pu: bound at which GHDL decides a sample
 
 
 def collect(jobs: int, scheduler: str | None = None) -> dict[str, Any]:
-    """Measure what is not known yet; everything else comes from build/fidelity.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes at a time.
-    scheduler : str | None
-        Of a Dask cluster that measures; None for processes of this machine.
-
-    Returns
-    -------
-    dict[str, Any]
-        Name of the measurement -> its rows.
-
-    Raises
-    ------
-    FidelityError
-        If RTL and model decide otherwise.
-    ToolError
-        If a tool is missing or fails.
-    """
+    """Measure what is not known yet; everything else comes from build/fidelity."""
     every = points()
     rated = [p for p in every if p.omega_s == EXPLAINED]
     for variant in KEYS:
@@ -101,18 +81,7 @@ def _summary(found: dict[str, Any]) -> dict[str, Any]:
 
 
 def write(found: dict[str, Any]) -> None:
-    """Write tables, plots, reports/fidelity.json and the tables of reports/accuracy.md.
-
-    Parameters
-    ----------
-    found : dict[str, Any]
-        From `collect`.
-
-    Raises
-    ------
-    MarkerError
-        If the page lacks the markers of a table.
-    """
+    """Write tables, plots, reports/fidelity.json and the tables of reports/accuracy.md."""
     commit, dirty = tools.git_state()
     commit += "-dirty" if dirty else ""
     head = [f"commit: {commit}", f"command: {COMMAND}"]
@@ -131,22 +100,7 @@ def write(found: dict[str, Any]) -> None:
 
 
 def write_page(page: Path = DOCUMENT, reports: Path = REPORTS) -> None:
-    """Write the tables of reports/accuracy.md from the stored files.
-
-    Parameters
-    ----------
-    page : Path
-        The page.
-    reports : Path
-        Folder of the files.
-
-    Raises
-    ------
-    MarkerError
-        If the page lacks the markers of a table.
-    OSError
-        If a file cannot be read.
-    """
+    """Write the tables of reports/accuracy.md from the stored files."""
     figures = json.loads((reports / "fidelity.json").read_text(encoding="utf-8"))
     found = {
         "parabolas": figures["parabolas"],
@@ -158,20 +112,7 @@ def write_page(page: Path = DOCUMENT, reports: Path = REPORTS) -> None:
 
 
 def draw_stored(reports: Path = REPORTS, out: Path = REPORTS) -> None:
-    """Draw the pictures from the tables that are stored.
-
-    Parameters
-    ----------
-    reports : Path
-        Folder of the tables.
-    out : Path
-        Folder of the pictures.
-
-    Raises
-    ------
-    OSError
-        If a table cannot be read.
-    """
+    """Draw the pictures from the tables that are stored."""
     budgeted = _numbers(tables.read_csv(reports / "error_budget.csv"), ("mismatch_pct",))
     looped = _numbers(
         tables.read_csv(reports / "fidelity_loops.csv"),
@@ -188,23 +129,7 @@ def _numbers(rows: list[dict[str, str]], names: tuple[str, ...]) -> list[dict[st
 
 
 def figures(variant: str) -> dict[str, float]:
-    """A variant's figures as reports/fidelity.json holds them, for metrics.json.
-
-    Parameters
-    ----------
-    variant : str
-        "fast" or "paper".
-
-    Returns
-    -------
-    dict[str, float]
-        Figure -> value, those by speed left out.
-
-    Raises
-    ------
-    ValueError
-        If there are none yet.
-    """
+    """A variant's figures as reports/fidelity.json holds them, for metrics.json."""
     path = REPORTS / "fidelity.json"
     if not path.exists():
         raise ValueError(f"{path.relative_to(ROOT)} is missing; {COMMAND} writes it")
@@ -213,19 +138,6 @@ def figures(variant: str) -> dict[str, float]:
 
 
 def interval(fidelity: dict[str, float], figure: str) -> str:
-    """A pooled difference, "fsw" or "thd", with its interval, as a table shows it.
-
-    Parameters
-    ----------
-    fidelity : dict[str, float]
-        Figures of a variant.
-    figure : str
-        "fsw" or "thd".
-
-    Returns
-    -------
-    str
-        Mean and limits of the 95 % interval, percent.
-    """
+    """A pooled difference, "fsw" or "thd", with its interval, as a table shows it."""
     mean, low, high = (fidelity[f"{figure}_diff_{part}"] for part in ("pct", "ci_low", "ci_high"))
     return f"{mean:+.2f} % ({low:+.2f} to {high:+.2f})"

@@ -105,22 +105,7 @@ def _rng(controller: str, seed: int, number: int) -> np.random.Generator:
 
 
 def every(of: int, rows: int, rng: np.random.Generator) -> IntArray:
-    """Numbers that go through all there are, in random order.
-
-    Parameters
-    ----------
-    of : int
-        How many there are.
-    rows : int
-        How many are wanted.
-    rng : np.random.Generator
-        Orders them.
-
-    Returns
-    -------
-    ndarray of int64, shape (rows,)
-        Each number as often as another, or once more.
-    """
+    """Numbers that go through all there are, in random order."""
     return rng.permutation(np.arange(rows) % of)
 
 
@@ -133,22 +118,7 @@ def _rails(low: IntArray, high: IntArray, rows: int, rng: np.random.Generator) -
 
 
 def mpdcc_block(number: int, seed: int, rows: int = ROWS) -> MpdccBlock:
-    """A block of MPDCC.
-
-    Parameters
-    ----------
-    number : int
-        Its number, from 0; kinds and rules follow one another.
-    seed : int
-        Of the run.
-    rows : int
-        States.
-
-    Returns
-    -------
-    MpdccBlock
-        The same for the same arguments.
-    """
+    """A block of MPDCC."""
     rng = _rng("mpdcc", seed, number)
     which = number % len(MPDCC_KINDS)
     rules = RULES[number // len(MPDCC_KINDS) % len(RULES)]
@@ -180,20 +150,7 @@ def mpdcc_block(number: int, seed: int, rows: int = ROWS) -> MpdccBlock:
 
 
 def random_two_level(rng: np.random.Generator, method: str) -> MptcDrive:
-    """A two-level drive whose full scales suit its machine.
-
-    Parameters
-    ----------
-    rng : np.random.Generator
-        Source of its values.
-    method : str
-        "MPTC" or "MPFC".
-
-    Returns
-    -------
-    MptcDrive
-        Its parameters fit the words of the core.
-    """
+    """A two-level drive whose full scales suit its machine."""
 
     def _log(low: float, high: float) -> float:
         """Anything between, even in its logarithm."""
@@ -261,22 +218,7 @@ def _two_level_words(drive: MptcDrive, rows: int, rng: np.random.Generator) -> I
 
 
 def mptc_block(number: int, seed: int, rows: int = ROWS) -> MptcBlock:
-    """A block of MPTC or MPFC.
-
-    Parameters
-    ----------
-    number : int
-        Its number, from 0; kinds and methods follow one another.
-    seed : int
-        Of the run.
-    rows : int
-        States.
-
-    Returns
-    -------
-    MptcBlock
-        The same for the same arguments.
-    """
+    """A block of MPTC or MPFC."""
     rng = _rng("mptc", seed, number)
     which = number % len(MPTC_KINDS)
     turn = number // len(MPTC_KINDS)
@@ -304,68 +246,21 @@ MptcTwin = Callable[[MptcDrive, IntArray, IntArray], IntArray]
 
 
 def twin_of_mpdcc(register: IntArray, measurements: IntArray, s_prev: IntArray) -> IntArray:
-    """Decisions of the bit-true twin, fast variant.
-
-    Parameters
-    ----------
-    register : ndarray of int64, shape (44,)
-        ``Registers.array()``.
-    measurements : ndarray of int64, shape (n, 13)
-        Words.
-    s_prev : ndarray of int64, shape (n, 3)
-        s(k-1).
-
-    Returns
-    -------
-    ndarray of int64, shape (n, 7)
-        In the order of ``mpdcc.FIELDS``.
-    """
+    """Decisions of the bit-true twin, fast variant."""
     out = np.empty((len(measurements), 7), dtype=np.int64)
     fast.run_words(register, measurements, s_prev, out)
     return out
 
 
 def twin_of_mptc(drive: MptcDrive, measurements: IntArray, u: IntArray) -> IntArray:
-    """Decisions of the bit-true twin of MPTC and MPFC.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        With its method.
-    measurements : ndarray of int64, shape (n, 8)
-        Words.
-    u : ndarray of int64, shape (n,)
-        Vector that is being applied.
-
-    Returns
-    -------
-    ndarray of int64, shape (n, 3)
-        Vector, saturated, clamped.
-    """
+    """Decisions of the bit-true twin of MPTC and MPFC."""
     out = np.empty((len(measurements), 3), dtype=np.int64)
     mptc_twin.run_words(mptc_registers(drive).array(), measurements, u, out)
     return out
 
 
 def run_mpdcc(number: int, seed: int, rows: int = ROWS, twin: MpdccTwin = twin_of_mpdcc) -> Outcome:
-    """Decide a block of MPDCC in both ways.
-
-    Parameters
-    ----------
-    number : int
-        Of the block.
-    seed : int
-        Of the run.
-    rows : int
-        States.
-    twin : callable
-        What is compared; the bit-true twin if not given.
-
-    Returns
-    -------
-    Outcome
-        Any field of a decision that differs is a difference.
-    """
+    """Decide a block of MPDCC in both ways."""
     block = mpdcc_block(number, seed, rows)
     told = twin(block.register, block.measurements, block.s_prev)
     slow = mpdcc.decide(block.register, block.measurements, block.s_prev)
@@ -396,25 +291,7 @@ def run_mpdcc(number: int, seed: int, rows: int = ROWS, twin: MpdccTwin = twin_o
 
 
 def run_mptc(number: int, seed: int, rows: int = ROWS, twin: MptcTwin = twin_of_mptc) -> Outcome:
-    """Decide a block of MPTC or MPFC, and judge each decision.
-
-    Parameters
-    ----------
-    number : int
-        Of the block.
-    seed : int
-        Of the run.
-    rows : int
-        States.
-    twin : callable
-        What is judged; the bit-true twin if not given.
-
-    Returns
-    -------
-    Outcome
-        A difference is a vector that costs more than rounding explains, a zero vector of the wrong
-        number, or a wrong flag `clamped`; decisions with the flag `saturated` are counted alone.
-    """
+    """Decide a block of MPTC or MPFC, and judge each decision."""
     block = mptc_block(number, seed, rows)
     told = twin(block.drive, block.measurements, block.u)
     found = mptc.judge(block.drive, block.measurements, block.u)

@@ -299,27 +299,7 @@ def _line(
 
 
 def decide(register: IntArray, measurements: IntArray, s_prev: IntArray) -> Decided:
-    """Decide for many states under one set of parameters.
-
-    Parameters
-    ----------
-    register : ndarray of int64, shape (44,)
-        ``Registers.array()`` of the fast variant with one switching.
-    measurements : ndarray of int64, shape (n, 13)
-        In the order of ``formats.MEASUREMENTS``.
-    s_prev : ndarray of int64, shape (n, 3)
-        s(k-1), positions 0 to 7.
-
-    Returns
-    -------
-    Decided
-        Decisions and why.
-
-    Raises
-    ------
-    ValueError
-        If the parameters ask for two switchings or for a prediction of k + 1.
-    """
+    """Decide for many states under one set of parameters."""
     option = {name: int(register[place]) for name, place in INDEX.items()}
     if option["two_switchings"] or option["compensate"]:
         raise ValueError("the slow decision knows one switching, without a prediction of k + 1")

@@ -40,18 +40,7 @@ LEAST_ROTOR = 1 / 16
 
 
 def zero_from(u: IntArray) -> IntArray:
-    """The number of zero voltage that takes fewer commutations from a vector; 0 of equal ones.
-
-    Parameters
-    ----------
-    u : ndarray of int64, shape (n,)
-        Vectors that are being applied.
-
-    Returns
-    -------
-    ndarray of int64, shape (n,)
-        0 or 7.
-    """
+    """The number of zero voltage that takes fewer commutations from a vector; 0 of equal ones."""
     ones = SWITCHES[u].sum(axis=1)
     return np.where(3 - ones < ones, 7, 0)
 
@@ -82,18 +71,7 @@ class Judged:
     plain: BoolArray
 
     def excess(self, vector: IntArray) -> FloatArray:
-        """What vectors cost beyond the best one, in allowances.
-
-        Parameters
-        ----------
-        vector : ndarray of int64, shape (n,)
-            Numbers 0 to 7.
-
-        Returns
-        -------
-        ndarray of float64, shape (n,)
-            At most 1 where rounding explains it; infinite for a zero vector of the wrong number.
-        """
+        """What vectors cost beyond the best one, in allowances."""
         own = self.cost[np.arange(len(vector)), vector % 7]
         lead = (own - self.cost.min(axis=1)) / self.allowance
         wrong = (vector % 7 == 0) & (vector != self.zero)
@@ -101,23 +79,7 @@ class Judged:
 
 
 def judge(drive: MptcDrive, measurements: IntArray, u: IntArray) -> Judged:
-    """Cost of every vector by the specification.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        With the method MPTC or MPFC.
-    measurements : ndarray of int64, shape (n, 8)
-        Words in the order of ``formats.MEASUREMENTS``: current, flux, speed, dc-link voltage,
-        references.
-    u : ndarray of int64, shape (n,)
-        Vector that is applied from k to k+1.
-
-    Returns
-    -------
-    Judged
-        Of n states.
-    """
+    """Cost of every vector by the specification."""
     c, machine = drive.control, drive.machine
     scale = [form.scale for form in f.measurement_formats(drive).values()]
     real = measurements / np.array(scale)

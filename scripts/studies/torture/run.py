@@ -54,15 +54,7 @@ class Sums:
     listed: list[list[int]] = field(default_factory=list)
 
     def add(self, number: int, found: blocks.Outcome) -> None:
-        """Count a block.
-
-        Parameters
-        ----------
-        number : int
-            Of the block.
-        found : blocks.Outcome
-            What came of it.
-        """
+        """Count a block."""
         self.done.add(number)
         kind = self.kinds.setdefault(found.kind, [0, 0])
         kind[0] += found.counts["decisions"]
@@ -72,13 +64,7 @@ class Sums:
         self.listed += [[number, row] for row in found.listed]
 
     def document(self) -> dict[str, Any]:
-        """The sums as JSON can hold them.
-
-        Returns
-        -------
-        dict[str, Any]
-            Lists in order.
-        """
+        """The sums as JSON can hold them."""
         return {
             "done": _runs(self.done),
             "kinds": self.kinds,
@@ -140,33 +126,7 @@ def run(
     anew: bool = False,
     scheduler: str | None = None,
 ) -> dict[str, Sums]:
-    """Run the blocks that are missing, half of the decisions for each controller.
-
-    Parameters
-    ----------
-    decisions : int
-        Of both controllers, at least so many.
-    seed : int
-        Of the states.
-    jobs : int
-        Processes.
-    path : Path
-        File of the results; it is written every now and then.
-    anew : bool
-        Whether the file is begun again.
-    scheduler : str | None
-        Of a Dask cluster; None for processes of this machine.
-
-    Returns
-    -------
-    dict[str, Sums]
-        For each controller.
-
-    Raises
-    ------
-    ToolError
-        If the file is of another seed, or a cluster is lost.
-    """
+    """Run the blocks that are missing, half of the decisions for each controller."""
     sums = {name: Sums() for name in CONTROLLERS} if anew else _read(path, seed)
     wanted = math.ceil(decisions / len(CONTROLLERS) / blocks.ROWS)
     calls = [
@@ -190,36 +150,14 @@ def run(
 
 
 def problems(sums: dict[str, Sums]) -> list[str]:
-    """A line for each state that was found to differ.
-
-    Parameters
-    ----------
-    sums : dict[str, Sums]
-        As `run` returns it.
-
-    Returns
-    -------
-    list[str]
-        Controller, block and number of the state; empty if all is well.
-    """
+    """A line for each state that was found to differ."""
     return [
         f"{name}: block {number}, state {row}" for name in sums for number, row in sums[name].listed
     ]
 
 
 def markdown(document: dict[str, Any]) -> str:
-    """The tables of the page.
-
-    Parameters
-    ----------
-    document : dict[str, Any]
-        The file of the results.
-
-    Returns
-    -------
-    str
-        Markdown.
-    """
+    """The tables of the page."""
     lines = [f"Seed {document['seed']}, commit `{document['commit'][:12]}`."]
     titles = {"mpdcc": "MPDCC, fast variant", "mptc": "MPTC and MPFC"}
     rows: list[Sequence[object]] = []
@@ -244,20 +182,5 @@ def markdown(document: dict[str, Any]) -> str:
 
 
 def publish(path: Path = RESULTS, page: Path = PAGE) -> None:
-    """Write the tables of the page from the file of the results.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    page : Path
-        The page.
-
-    Raises
-    ------
-    MarkerError
-        If the page has no place for them.
-    OSError
-        If the file cannot be read.
-    """
+    """Write the tables of the page from the file of the results."""
     tables.rewrite(page, {MARKS: markdown(json.loads(path.read_text(encoding="utf-8")))})

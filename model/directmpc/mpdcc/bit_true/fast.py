@@ -647,29 +647,7 @@ def no_surcharge(rule, error, slope, length):
 
 @njit(kept=False, inline=True)
 def _best_leaf(length_of, surcharge, rule, t, root, s1, effort1, steps, o):
-    """The cheapest leaf below a node.
-
-    Parameters
-    ----------
-    length_of, surcharge, rule
-        As in ``search``.
-    t : ndarray of int64, shape (22,)
-        Terms of the node.
-    root : ndarray of int64, shape (7,)
-        Errors at the root.
-    s1 : ndarray of int64, shape (3,)
-        The node's positions.
-    effort1, steps : int
-        Effort and steps spent on the way to the node.
-    o : common.Options
-
-    Returns
-    -------
-    value : int
-        J in 1/COST_UNIT; -1 where no candidate stays inside its bounds.
-    saturated : bool
-        Whether its weight on v_n did not fit.
-    """
+    """The cheapest leaf below a node."""
     # arrays out of a record inside the loops would cost a third of the search's time
     error, natural, forced, phase, midpoint, weight_slope, weight_start, curvature, _ = node_of(
         t, False

@@ -90,15 +90,7 @@ class Unguarded(Leg):
 
 
 class Bench:
-    """A leg, and the leg as it should be.
-
-    Parameters
-    ----------
-    dut
-        Entity ``gate_leg``.
-    five_level : bool
-        Its generic.
-    """
+    """A leg, and the leg as it should be."""
 
     def __init__(self, dut, five_level: bool) -> None:
         self.dut, self.five_level = dut, five_level
