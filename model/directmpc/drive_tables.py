@@ -89,7 +89,7 @@ def integer(low: int, high: int) -> Any:
 
 
 def to_start(low: float, high: float, unit: str) -> Any:
-    """Annotate a number that a file may leave out, but without which no gate may come on.
+    """Annotate a number that a file may leave out, but without which something cannot be started.
 
     Parameters
     ----------

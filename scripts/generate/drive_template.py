@@ -54,9 +54,14 @@ _GUARD = {
     "any number.",
 }
 
+_MECHANICS_TABLE = (
+    "Shaft, for simulations with a speed controller: docs/library.md. It may be left out."
+)
+
 _FIVE_LEVEL_TABLES = {
     "base": "Base values. Only the frequency has an effect: it sets the unit of time.",
     "machine": "Star circuit, rotor referred to the stator, per unit.",
+    "mechanics": _MECHANICS_TABLE,
     "inverter": "Per unit.",
     "guard": _GUARD_TABLE,
     "control": "Bounds are half widths, per unit.",
@@ -67,6 +72,7 @@ TABLES = {
     "kbest": _FIVE_LEVEL_TABLES,
     "mptc": {
         "machine": "T circuit, rotor referred to the stator. ls lr has to be above lm^2.",
+        "mechanics": _MECHANICS_TABLE,
         "inverter": "SI.",
         "guard": _GUARD_TABLE,
         "control": "What lies beyond a full scale saturates: choose it above what may occur.",
@@ -85,6 +91,9 @@ _FIVE_LEVEL = _GUARD | {
     "machine.xls": "Stator leakage reactance, omega_base L / Z_base.",
     "machine.xlr": "Rotor leakage reactance, omega_base L / Z_base.",
     "machine.xm": "Magnetising reactance, omega_base L / Z_base.",
+    "mechanics.inertia": "Kinetic energy at rated frequency over rated apparent power; drive and "
+    "load.",
+    "mechanics.friction": "Torque of the friction at rated frequency, proportional to the speed.",
     "inverter.topology": "A file of converters/: docs/converters.md.",
     "inverter.vdc": "Voltage of the whole dc link, V_dc / V_base.",
     "inverter.xdc": "One half of the dc link, omega_base C Z_base.",
@@ -143,6 +152,8 @@ MEANINGS = {
         "machine.ls": "Stator inductance: leakage and mutual.",
         "machine.lr": "Rotor inductance: leakage and mutual.",
         "machine.pole_pairs": "Pole pairs.",
+        "mechanics.inertia": "Moment of inertia of drive and load.",
+        "mechanics.friction": "Torque of the friction over the mechanical speed.",
         "inverter.topology": "Two-level inverter.",
         "inverter.vdc": "Nominal voltage of the dc link.",
         "control.ts": "Control period.",
@@ -190,6 +201,8 @@ def _key(controller: str, table: type, prefix: str, name: str, value: Any) -> li
     rule = "Required." if field.is_required() else f"Without it: {_value(field.default)}."
     if field.default is None:
         rule = "Required to start the drive."
+        if prefix == "mechanics.":
+            rule = "Required for a speed controller."
         if name in GuardTable.OPTIONAL:
             rule = "Without it: from control.ts."
     words = allowed(table, name)

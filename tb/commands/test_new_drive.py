@@ -33,6 +33,7 @@ SPECIFICATION = ROOT / "docs" / "specification.md"
 CONTROLLERS = ("mpdcc", "mptc")
 #: End of a key's comment by its default in the specification.
 RULES = {
+    "to turn": "Required for a speed controller.",
     "required": "Required.",
     "to start": "Required to start the drive.",
     "from `control.ts": "Without it: from control.ts.",

@@ -137,3 +137,12 @@ def test_a_simulation_says_what_it_did_not_reach() -> None:
         simulate(drive, steps=30, speed=1.9)  # less than a period says nothing
         simulate(two, steps=800)
         simulate(load_drive("anpc5l_rl"), steps=400)
+
+
+def test_a_shaft_has_a_run_up() -> None:
+    drive = load_drive("anpc5l_6kv").changed(mechanics={"inertia": 0.5})
+    assert sheet(drive)["run-up to rated frequency at 1 pu of torque"] == 1.0
+    grams = load_drive("induction_2kw2").changed(mechanics={"inertia": 15.0})  # g m^2 for kg m^2
+    assert any("mechanics.inertia is in kg m^2" in doubt for doubt in doubts(grams))
+    with pytest.raises(ValueError, match=r'mechanics.inertia: given with machine.type = "grid"'):
+        load_drive("anpc5l_grid").changed(mechanics={"inertia": 0.5})

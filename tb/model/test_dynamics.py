@@ -74,6 +74,20 @@ def test_a_two_level_machine_takes_a_load_step(method: str, engine: str) -> None
     assert result.torque[-400:].mean() == pytest.approx(10.0, abs=0.5)
 
 
+def test_inertia_and_friction_of_the_file_count() -> None:
+    drive = load_drive("anpc5l_pmsm").changed(mechanics={"inertia": 0.05, "friction": 0.25})
+    ts = drive.control.ts
+    result = simulate(drive, steps=4_000, speed=0.4, load=0.1)
+    free = result.torque - 0.1 - 0.25 * result.omega_r
+    assert np.diff(result.omega_r) == pytest.approx(ts * free[:-1] / 0.1, abs=1e-12)
+    assert result.torque[-400:].mean() == pytest.approx(0.2, abs=0.02)
+    lighter = simulate(drive, steps=10, speed=0.4, load=0.1, inertia=0.01)
+    assert abs(np.diff(lighter.omega_r)).max() > 4.0 * abs(np.diff(result.omega_r[:10])).max()
+    motor = load_drive("induction_2kw2").changed(mechanics={"inertia": 0.01, "friction": 0.02})
+    run = simulate(motor, steps=8_000, speed=200.0, load=0.0, flux=0.9)
+    assert run.torque[-400:].mean() == pytest.approx(0.02 * 100.0, abs=0.3)
+
+
 def test_the_integral_does_not_wind_up() -> None:
     speed = SpeedController(1.0, 0.1)
     for _ in range(100):

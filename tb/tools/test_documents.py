@@ -120,7 +120,8 @@ def test_every_key_of_a_drive_file_is_specified(name: str, model: Any, prefix: s
             assert default == "required", key
         elif field.default is None:  # of the guard
             follows = key.removeprefix("guard.") in GuardTable.OPTIONAL
-            assert default == ("from `control.ts`" if follows else "to start"), key
+            starts = "to turn" if key.startswith("mechanics") else "to start"
+            assert default == ("from `control.ts`" if follows else starts), key
         else:
             assert json.loads(default.strip("`")) == field.default, key
 

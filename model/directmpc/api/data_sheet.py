@@ -112,6 +112,13 @@ def _five_level(drive: FiveLevelDrive) -> list[Fact]:
             quantity="current",
         )
     )
+    if (inertia := drive.mechanics.inertia) is not None:
+        facts.append(
+            Fact(
+                "run-up to rated frequency at 1 pu of torque", 2.0 * inertia, "s", 0.02, 60.0,
+                "mechanics.inertia is in s: J omega^2 / 2 at rated frequency over rated power",
+            )
+        )  # fmt: skip
     if isinstance(drive, Drive):
         facts.append(
             Fact("current THD by the bound, about", 0.7 * drive.control.bound_current, "", si="")
@@ -133,6 +140,15 @@ def _two_level(drive: MptcDrive) -> list[Fact]:
     peak = breakdown_torque(drive, psi)
     usual = min(0.5 * c.torque_max, 0.999 * peak)
     inductance = "inductances of [machine] are in H, resistances in ohm"
+    runup = []
+    if drive.mechanics.inertia is not None:
+        time = drive.mechanics.inertia * base / m.pole_pairs / usual
+        runup = [
+            Fact(
+                "run-up to that speed at half of control.torque_max", time, "s", 0.01, 60.0,
+                "mechanics.inertia is in kg m^2",
+            )
+        ]  # fmt: skip
     return [
         Fact("flux that the rest is for", psi, "Wb"),
         Fact("speed that vdc carries at it", base, "rad/s", si=f"{base / (2 * math.pi):.4g} Hz"),
@@ -163,6 +179,7 @@ def _two_level(drive: MptcDrive) -> list[Fact]:
             "control.speed_max, of the speed that vdc carries", c.speed_max / base, "", 0.1, 4.0,
             "control.speed_max is in electrical rad/s: r/min times 0.105 times pole pairs",
         ),
+        *runup,
         Fact("full scale of the flux", c.psi_max, "Wb"),
         Fact("full scale of the current", c.current_max, "A"),
         Fact("full scale of the torque", c.torque_max, "N m"),

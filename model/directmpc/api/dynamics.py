@@ -51,6 +51,8 @@ class Course:
         Rotor speed (electrical, pu or rad/s) and load torque (pu or N*m) at a time in s.
     inertia : float
         Inertia constant in s for a five-level drive, kg*m^2 for a two-level one.
+    friction : float
+        Torque over speed: pu, or N*m*s of the mechanical speed.
     flux : float or None
         Flux reference, pu or Wb; the usual one if None.
     standstill : bool
@@ -60,6 +62,7 @@ class Course:
     speed: Callable[[float], float]
     load: Callable[[float], float]
     inertia: float
+    friction: float
     flux: float | None
     standstill: bool
 
@@ -228,7 +231,7 @@ def run_five_level(
         slip_ = 1.0 - load.steady_state(1.0, torque=float(loads[0]), **asked).omega_r
         at = load.steady_state(float(speeds[0]) + slip_, torque=float(loads[0]), **asked)
         plant.state[:4] = at.i_s.real, at.i_s.imag, at.psi_r.real, at.psi_r.imag
-        speed.total = float(loads[0]) + 0.5 * gain * float(speeds[0])
+        speed.total = float(loads[0] + course.friction * speeds[0]) + 0.5 * gain * float(speeds[0])
         applied = nearest_positions(plant.leg, at.v_s, drive.inverter.vdc)
     states, torques = np.empty((steps, STATES)), np.empty(steps)
     omega_s, omega_r = np.empty(steps), np.empty(steps)
@@ -256,7 +259,8 @@ def run_five_level(
         used[k] = applied
         torques[k] = real.machine.torque(current, flux)
         plant.step(applied)
-        plant.omega_r += ts * (torques[k] - loads[k]) / (2.0 * course.inertia)
+        opposing = loads[k] + course.friction * plant.omega_r
+        plant.omega_r += ts * (torques[k] - opposing) / (2.0 * course.inertia)
     return {
         "time": ts * np.arange(steps), "current": states[:, 0] + 1j * states[:, 1],
         "flux": states[:, 2] + 1j * states[:, 3], "torque": torques, "omega_r": omega_r,
@@ -306,6 +310,6 @@ def run_two_level(
         psi_ref=np.full(steps, psi), load=loads, speed_ref=speeds / pole_pairs,
         gains=(gain, 0.25 * BANDWIDTH * gain, c.torque_max), **begin,
     )  # fmt: skip
-    plant = plant_parameters(real, inertia=course.inertia)
+    plant = plant_parameters(real, inertia=course.inertia, friction=course.friction)
     loop = sequence_loop if c.sequences else mptc_loop
     return loop.simulate(drive, scenario, engine=engine, plant=plant)

@@ -434,7 +434,8 @@ def simulate(
     inertia : float, optional
         Gives the rotor a mass and the drive a speed controller (`directmpc.api.dynamics`). Inertia
         constant in s for a five-level drive (kinetic energy at rated frequency over rated apparent
-        power), kg*m^2 for MPTC.
+        power), kg*m^2 for MPTC; with `load`, `start` or a `speed` over time the drive file's if not
+        given. The friction is the drive file's.
     settle : int
         Steps that are run before, not recorded.
     angle : float
@@ -594,10 +595,11 @@ def _course(
         raise ValueError(
             f'inertia: given with machine.type = "{drive.machine.type}", which does not turn'
         )
+    inertia = drive.mechanics.inertia if inertia is None else inertia
     if inertia is None or not _is_finite(inertia) or inertia <= 0.0:
         raise ValueError(
             f"inertia: got {inertia!r:.40}; with load, start or a speed over time a number above 0 "
-            "is needed"
+            "is needed, here or as mechanics.inertia in the drive file"
         )
     if start not in ("steady", "standstill"):
         raise ValueError(f'start: got {start!r:.40}; it must be "steady" or "standstill"')
@@ -617,7 +619,8 @@ def _course(
             raise ValueError(
                 f"{name}: got {value!r:.40}; a number or a function of the time is needed"
             )
-    return Course(functions[0], functions[1], float(inertia), flux, start == "standstill")
+    friction = drive.mechanics.friction
+    return Course(functions[0], functions[1], float(inertia), friction, flux, start == "standstill")
 
 
 def _constant(value: float, time: float) -> float:

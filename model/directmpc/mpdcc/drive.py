@@ -64,6 +64,17 @@ class Guard(GuardTable):
     speed_limit: to_start(0.01, 2.0478, "pu") = None
 
 
+class Mechanics(Section):
+    """Shaft of a machine: its mass and its friction, for runs with a speed controller.
+
+    `inertia` is the kinetic energy at rated frequency over the rated apparent power; `friction` is
+    the torque at rated frequency.
+    """
+
+    inertia: to_start(0.001, 100.0, "s") = None
+    friction: number(0.0, 1.0, "pu") = 0.0
+
+
 class Control(Section):
     """Settings of the MPDCC controller: ts in s, bounds as half widths in pu.
 
@@ -109,6 +120,7 @@ class FiveLevelDrive(AnyDrive):
 
     base: Base
     machine: one_of(KINDS)
+    mechanics: Mechanics = Mechanics()
     inverter: Inverter
     guard: Guard = Guard()
 
@@ -121,6 +133,15 @@ class FiveLevelDrive(AnyDrive):
                 f"got {self.control.ts:g} s; it must be a number from {TS_PU_MIN / unit:.4g} to "
                 f"{TS_PU_MAX / unit:.4g} s ({TS_PU_MIN} to {TS_PU_MAX} pu) with base.frequency = "
                 f"{self.base.frequency:g} Hz",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_mechanics(self) -> Self:
+        if self.mechanics.inertia is not None and "torque" not in self.machine.quantities:
+            raise refused(
+                "mechanics.inertia",
+                f'given with machine.type = "{self.machine.type}", which does not turn',
             )
         return self
 

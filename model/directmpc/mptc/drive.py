@@ -60,6 +60,13 @@ class MptcMachine(Section):
         return self
 
 
+class MptcMechanics(Section):
+    """Shaft of a machine, for runs with a speed controller, SI."""
+
+    inertia: to_start(1e-7, 1e5, "kg*m^2") = None
+    friction: number(0.0, 1e4, "N*m*s") = 0.0
+
+
 class MptcInverter(Section):
     """Two-level inverter, SI."""
 
@@ -105,6 +112,7 @@ class MptcDrive(AnyDrive):
 
     controller: Literal["mptc"]
     machine: MptcMachine
+    mechanics: MptcMechanics = MptcMechanics()
     inverter: MptcInverter
     guard: MptcGuard = MptcGuard()
     control: MptcControl
