@@ -121,11 +121,12 @@ FAULTS = {
 }
 
 
-def verdict(folder: Path, modules: dict[str, str], place: str = "model/directmpc") -> int:
-    """Exit code of the step for these modules in a folder."""
-    (folder / place).mkdir(parents=True)
+def verdict(folder: Path, modules: dict[str, str]) -> int:
+    """Exit code of the step for these modules of the library in a folder."""
+    library = folder / "model" / "directmpc"
+    library.mkdir(parents=True)
     for name, text in modules.items():
-        (folder / place / f"{name}.py").write_text(text, encoding="utf-8")
+        (library / f"{name}.py").write_text(text, encoding="utf-8")
     shutil.copy(ROOT / "pyproject.toml", folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(checks, "ROOT", folder)
@@ -168,7 +169,9 @@ def test_faults_alone_are_named(shown: list[str]) -> None:
 
 def test_tools_need_a_line_alone(tmp_path) -> None:
     old, new, _ = FAULTS["no returns"]
-    assert verdict(tmp_path, {"tool": WHOLE.replace(old, new)}, "scripts/hdl") == 0
+    (tmp_path / "scripts").mkdir()
+    (tmp_path / "scripts" / "tool.py").write_text(WHOLE.replace(old, new), encoding="utf-8")
+    assert verdict(tmp_path, {"whole": WHOLE}) == 0
 
 
 def test_library_passes() -> None:
