@@ -803,6 +803,7 @@ begin
   capabilities.flux_control.next_q    <= '0';
   capabilities.family.next_q <= '0';
   capabilities.sensorless.next_q <= '0';
+  capabilities.recorder.next_q        <= '0';
   capabilities.observer.next_q        <= '1';
   capabilities.least_dead_time.next_q <= std_logic_vector(to_unsigned(LEAST_DEAD_TIME, 12));
 

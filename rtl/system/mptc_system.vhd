@@ -710,6 +710,7 @@ begin
   capabilities.observer.next_q        <= to_std_logic(SENSORLESS or not FAMILY);
   capabilities.family.next_q          <= built_family;
   capabilities.sensorless.next_q      <= built_speed;
+  capabilities.recorder.next_q        <= '0';
   capabilities.least_dead_time.next_q <= std_logic_vector(to_unsigned(LEAST_DEAD_TIME, 12));
 
   from_hardware.result.decision.u_next <= (next_q => core_u, we => core_valid);

@@ -475,7 +475,7 @@ def test_every_field_is_read_with_its_sign(controller: Controller) -> None:
     words: dict[int, int] = {}
     board = Board(link_of(model(controller=controller, words=words)))
     rng = random.Random(5)
-    top = register_files._elaborate(controller.name.lower())
+    top = register_files._elaborate(controller.name.lower(), recorder=True)
     signed = 0
     for node in register_files._registers(top):
         name = node.get_path().partition(".")[2]

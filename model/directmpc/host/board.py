@@ -25,6 +25,8 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
+
 from directmpc.api.controllers import state_of
 from directmpc.api.drive_file import load_core_drive
 from directmpc.drive_tables import DriveError
@@ -34,6 +36,15 @@ from directmpc.host.console import terminable, undisturbed
 from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
 from directmpc.host.measurements import Encoder
 from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcome, Type
+from directmpc.host.recorder import (
+    RESULTS_AT,
+    STRIDE,
+    RecorderStatus,
+    Recording,
+    Settings,
+    unpack,
+)
+from directmpc.host.recorder import words as record_words
 from directmpc.host.registers import (
     RegisterValues,
     limits,
@@ -938,6 +949,118 @@ class Board:
         self._count = self._count + 1 if count is None else count
         payload = p.step_payload(words, position, self._count)
         return Decision.unpack(self.link.request(Type.STEP, payload, once=True))
+
+    def recorder_status(self) -> RecorderStatus:
+        """What the recorder in the fabric is at.
+
+        Returns
+        -------
+        RecorderStatus
+            Whether it records, what has triggered, and how much it holds.
+
+        Raises
+        ------
+        RegisterError
+            If the board was built without a recorder.
+        """
+        if not self.read("system.capabilities")["recorder"]:
+            raise RegisterError("the board has no recorder; it was built with RECORDER_ROWS = 0")
+        return RecorderStatus.of(self.read("recorder.status"))
+
+    def arm_recorder(self, settings: Settings | None = None) -> None:
+        """Let the recorder begin anew, with no record. A recording that it holds is lost.
+
+        Parameters
+        ----------
+        settings : Settings, optional
+            What triggers, and what is kept. A trip alone by default, every step, and nothing after.
+
+        Raises
+        ------
+        RegisterError
+            If the board was built without a recorder, or more is to be kept after the trigger than
+            it has rows for.
+        """
+        chosen, status = settings or Settings(), self.recorder_status()
+        if chosen.after > status.rows - 2:
+            raise RegisterError(
+                f"after: got {chosen.after} records; it must be at most {status.rows - 2}, or that "
+                "of the trigger is written over"
+            )
+        for name, fields in chosen.registers().items():
+            self.write(name, **fields)
+        self.write("recorder.command", arm=1)
+
+    def trigger_recorder(self) -> None:
+        """Trigger the recorder now.
+
+        Raises
+        ------
+        RegisterError
+            If the board was built without a recorder.
+        """
+        self.write("recorder.command", trigger=1)
+
+    def recording(
+        self, last: int | None = None, drive: Drive | MptcDrive | None = None
+    ) -> Recording:
+        """What the recorder holds, while the drive runs or after it has stopped.
+
+        Parameters
+        ----------
+        last : int, optional
+            The newest so many records; all by default.
+        drive : Drive or MptcDrive, optional
+            What the board has been loaded with, where that was not by this host.
+
+        Returns
+        -------
+        Recording
+            Columns by name, oldest step first; a trace and decisions. Records that were written
+            over while they were read are left out.
+
+        Raises
+        ------
+        RegisterError
+            If the board was built without a recorder.
+        RuntimeError
+            If nothing says which drive the board has.
+        """
+        known = drive or self.drive
+        if known is None:
+            raise RuntimeError("recording: no drive has been loaded; drive= says which it was")
+        self._check_controller(known.controller)
+        decided = self.read("system.decisions")["count"]
+        status = self.recorder_status()
+        count = status.records if last is None else min(last, status.records)
+        places = range(status.next_row - count, status.next_row)
+        kept = {place: self._record(place % status.rows) for place in places}
+        if (
+            status.recording
+        ):  # it has gone on meanwhile: a row for each decision at most, or a trigger
+            status, before = self.recorder_status(), status
+            decided = self.read("system.decisions")["count"] - decided & 0xFFFF_FFFF
+            rate = self.read("recorder.compare")["decimation"] + 1
+            written = before.next_row + -(-decided // rate) + 1 - before.rows
+            kept = {place: record for place, record in kept.items() if place > written}
+        rows = np.array(list(kept.values()), dtype=np.int64).reshape(len(kept), -1)
+        if not kept:
+            rows = np.zeros((0, STRIDE), dtype=np.int64)
+        trigger = None
+        if status.triggered and not status.recording and last is None:
+            after = self.read("recorder.settings")["after"]
+            trigger = len(kept) - 1 - after if len(kept) > after else None
+        return Recording(known, unpack(self.controller, rows), trigger, status.cause)
+
+    def _record(self, row: int) -> list[int]:
+        """Words of a row, those between the inputs and the decision zero."""
+        self.write("recorder.row", row=row)
+        address, _ = self._register("recorder.record")
+        record = [0] * STRIDE
+        inputs, results = record_words(self.controller)
+        for place in (*range(inputs), *range(RESULTS_AT, RESULTS_AT + results)):
+            record[place] = self.read_word(address + 4 * place)
+        return record
 
     def counters(self) -> dict[Outcome, int]:
         """Frames by outcome since the board's reset, of this link.

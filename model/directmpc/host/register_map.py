@@ -37,6 +37,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "least_dead_time": (16, 12, False),
                 "family": (28, 1, False),
                 "sensorless": (29, 1, False),
+                "recorder": (30, 1, False),
             },
         ),
         "system.control": (
@@ -707,6 +708,57 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "value": (0, 3, False),
             },
         ),
+        "recorder.status": (
+            0x380,
+            {
+                "recording": (0, 1, False),
+                "triggered": (1, 1, False),
+                "full": (2, 1, False),
+                "cause": (8, 5, False),
+                "next_row": (16, 10, False),
+                "rows_log2": (28, 4, False),
+            },
+        ),
+        "recorder.settings": (
+            0x384,
+            {
+                "fault": (0, 1, False),
+                "deadlock": (1, 1, False),
+                "saturated": (2, 1, False),
+                "rising": (3, 1, False),
+                "falling": (4, 1, False),
+                "equal": (5, 1, False),
+                "no_sign": (6, 1, False),
+                "channel": (8, 5, False),
+                "after": (16, 10, False),
+            },
+        ),
+        "recorder.compare": (
+            0x388,
+            {
+                "value": (0, 16, False),
+                "decimation": (16, 8, False),
+            },
+        ),
+        "recorder.command": (
+            0x38C,
+            {
+                "arm": (0, 1, False),
+                "trigger": (1, 1, False),
+            },
+        ),
+        "recorder.row": (
+            0x390,
+            {
+                "row": (0, 10, False),
+            },
+        ),
+        "recorder.record": (
+            0x3C0,
+            {
+                "word": (0, 32, False),
+            },
+        ),
     },
     "mptc": {
         "system.identification": (
@@ -740,6 +792,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "least_dead_time": (16, 12, False),
                 "family": (28, 1, False),
                 "sensorless": (29, 1, False),
+                "recorder": (30, 1, False),
             },
         ),
         "system.control": (
@@ -1124,6 +1177,57 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
             {
                 "t1": (0, 13, False),
                 "t2": (16, 13, False),
+            },
+        ),
+        "recorder.status": (
+            0x380,
+            {
+                "recording": (0, 1, False),
+                "triggered": (1, 1, False),
+                "full": (2, 1, False),
+                "cause": (8, 5, False),
+                "next_row": (16, 10, False),
+                "rows_log2": (28, 4, False),
+            },
+        ),
+        "recorder.settings": (
+            0x384,
+            {
+                "fault": (0, 1, False),
+                "deadlock": (1, 1, False),
+                "saturated": (2, 1, False),
+                "rising": (3, 1, False),
+                "falling": (4, 1, False),
+                "equal": (5, 1, False),
+                "no_sign": (6, 1, False),
+                "channel": (8, 5, False),
+                "after": (16, 10, False),
+            },
+        ),
+        "recorder.compare": (
+            0x388,
+            {
+                "value": (0, 16, False),
+                "decimation": (16, 8, False),
+            },
+        ),
+        "recorder.command": (
+            0x38C,
+            {
+                "arm": (0, 1, False),
+                "trigger": (1, 1, False),
+            },
+        ),
+        "recorder.row": (
+            0x390,
+            {
+                "row": (0, 10, False),
+            },
+        ),
+        "recorder.record": (
+            0x3C0,
+            {
+                "word": (0, 32, False),
             },
         ),
     },

@@ -3860,6 +3860,7 @@ begin
             readback_data_var(ad_hi(16#8#))(27 downto 16) := hwif_in.system.capabilities.least_dead_time.next_q;
             readback_data_var(ad_hi(16#8#))(28) := hwif_in.system.capabilities.family.next_q;
             readback_data_var(ad_hi(16#8#))(29) := hwif_in.system.capabilities.sensorless.next_q;
+            readback_data_var(ad_hi(16#8#))(30) := hwif_in.system.capabilities.recorder.next_q;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#C#) then
             readback_data_var(ad_hi(16#C#))(0) := field_storage.system.control.enable.value;

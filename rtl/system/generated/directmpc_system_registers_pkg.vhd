@@ -65,6 +65,10 @@ package directmpc_system_registers_pkg is
         next_q : std_logic;
     end record;
 
+    type \system_registers.capabilities.recorder_in_t\ is record
+        next_q : std_logic;
+    end record;
+
     type \system_registers.capabilities_in_t\ is record
         controller : \system_registers.capabilities.controller_in_t\;
         explorers : \system_registers.capabilities.explorers_in_t\;
@@ -79,6 +83,7 @@ package directmpc_system_registers_pkg is
         least_dead_time : \system_registers.capabilities.least_dead_time_in_t\;
         family : \system_registers.capabilities.family_in_t\;
         sensorless : \system_registers.capabilities.sensorless_in_t\;
+        recorder : \system_registers.capabilities.recorder_in_t\;
     end record;
 
     type \system_registers.status.busy_in_t\ is record

@@ -1,0 +1,649 @@
+"""The recorder in the fabric: format of its records, what it does step by step, and what it holds.
+
+A record is the words of one control step, 32 bits each: what the core saw, then what it decided.
+`FIELDS` is the one place where their layout is written; ``make generate`` makes the VHDL package
+``recorder_format`` from it. `RecorderModel` does with the steps what ``rtl/system/recorder.vhd``
+does. `Recording` is what a host reads: columns by name, and the trace and the decisions that
+``directmpc replay`` takes.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from directmpc.csv_table import IntArray, write_table
+from directmpc.mpdcc import formats as mpdcc_formats
+from directmpc.mpdcc import trace as mpdcc_trace
+from directmpc.mpdcc.drive import Drive
+from directmpc.mptc import formats as mptc_formats
+from directmpc.mptc import trace as mptc_trace
+from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.sequence import TIME_STEPS
+
+#: Words that a record has room for; its address is the step's with four bits behind it.
+STRIDE = 16
+#: Words from this one on are of the decision, those before are what it was made from.
+RESULTS_AT = 8
+#: Bits of `recorder.settings.after` and of a row; the ring has at most so many rows.
+ROW_BITS = 10
+#: Why a recording was triggered, by the bits of `recorder.status.cause`.
+CAUSES = ("fault", "deadlock", "saturated", "level", "manual")
+
+
+@dataclass(frozen=True)
+class Field:
+    """Bits of a record.
+
+    Attributes
+    ----------
+    name : str
+        Of the quantity; in a recording that of its column.
+    word, low, width : int
+        Where it stands: word of the record, lowest bit, number of bits.
+    signed : bool
+        Two's complement.
+    """
+
+    name: str
+    word: int
+    low: int
+    width: int
+    signed: bool = False
+
+
+def _halves(first: int, names: Sequence[tuple[str, int, bool]]) -> tuple[Field, ...]:
+    """Quantities of at most 16 bits, two to a word."""
+    return tuple(
+        Field(name, first + n // 2, 16 * (n % 2), width, signed)
+        for n, (name, width, signed) in enumerate(names)
+    )
+
+
+#: What both controllers record of a decision.
+_SHARED = (
+    Field("gates", RESULTS_AT, 0, 24),
+    Field("applied_next", RESULTS_AT + 1, 0, 9),
+    Field("cycles", RESULTS_AT + 1, 16, 16),
+    Field("number", RESULTS_AT + 2, 0, 16),
+    Field("faults", RESULTS_AT + 2, 16, 13),
+    Field("saturated", RESULTS_AT + 2, 29, 1),
+)
+
+FIELDS: dict[str, tuple[Field, ...]] = {
+    "mpdcc": (
+        *_halves(
+            0,
+            [
+                *((n, f.width, f.signed) for n, f in mpdcc_formats.MEASUREMENTS.items()),
+                ("applied", 9, False),
+            ],
+        ),
+        Field("leakage", 7, 0, 17),
+        *_SHARED,
+        Field("length", RESULTS_AT, 24, 6),
+        Field("held", RESULTS_AT, 30, 1),
+        Field("deadlock", RESULTS_AT, 31, 1),
+        Field("exhausted", RESULTS_AT + 2, 30, 1),
+    ),
+    "mptc": (
+        *_halves(
+            0,
+            [
+                *(
+                    (
+                        n,
+                        mptc_formats.REFERENCE_WIDTH
+                        if n == "psi_ref"
+                        else mptc_formats.MEASUREMENT_WIDTH,
+                        n not in ("v_dc", "psi_ref"),
+                    )
+                    for n in mptc_formats.MEASUREMENTS
+                ),
+                ("applied", 9, False),
+                ("t1", mptc_formats.TIME_PORT_WIDTH, False),
+                ("t2", mptc_formats.TIME_PORT_WIDTH, False),
+            ],
+        ),
+        *_SHARED,
+        Field("clamped", RESULTS_AT + 2, 30, 1),
+        *_halves(
+            RESULTS_AT + 3,
+            [(f"next_t{n}", mptc_formats.TIME_PORT_WIDTH, False) for n in (1, 2)],
+        ),
+    ),
+}
+"""Controller -> fields of its records. `applied` and `applied_next` are three numbers of 3 bits:
+switch positions of a, b, c, or the vectors u1, u2, u3 of a period, which are equal for a single
+one."""
+
+
+def words(controller: str) -> tuple[int, int]:
+    """How many words a record has before the decision, and from it on.
+
+    Parameters
+    ----------
+    controller : str
+        "mpdcc" or "mptc".
+
+    Returns
+    -------
+    inputs, results : int
+        Words from 0 on, and words from `RESULTS_AT` on.
+    """
+    used = [f.word for f in FIELDS[controller]]
+    return max(w for w in used if w < RESULTS_AT) + 1, max(used) + 1 - RESULTS_AT
+
+
+@dataclass(frozen=True)
+class Settings:
+    """When a recording is triggered, and what it keeps; the reset's by default.
+
+    Attributes
+    ----------
+    fault, deadlock, saturated : bool
+        Whether a trip of the gate guard triggers, a deadlock, a value that did not fit its word.
+    rising, falling, equal : bool
+        Whether the channel triggers where it comes to the level or above, comes below it, or is it.
+    unsigned : bool
+        Whether channel and level are compared as unsigned numbers; for rising and falling.
+    channel : int
+        Half of a record's word: twice the number of the word, plus 1 for the upper half.
+    level : int
+        What the channel is compared with, 16 bits; negative numbers where they are signed.
+    after : int
+        Records that are kept after the one of the trigger.
+    decimation : int
+        Steps that are left out between two records. The step of the trigger is kept always.
+    """
+
+    fault: bool = True
+    deadlock: bool = False
+    saturated: bool = False
+    rising: bool = False
+    falling: bool = False
+    equal: bool = False
+    unsigned: bool = False
+    channel: int = 0
+    level: int = 0
+    after: int = 0
+    decimation: int = 0
+
+    def registers(self) -> dict[str, dict[str, int]]:
+        """What a host writes.
+
+        Returns
+        -------
+        dict of str to dict
+            Register to fields and their values.
+        """
+        names = ("fault", "deadlock", "saturated", "rising", "falling", "equal")
+        flags = {name: int(getattr(self, name)) for name in names}
+        flags["no_sign"] = int(self.unsigned)
+        return {
+            "recorder.settings": {**flags, "channel": self.channel, "after": self.after},
+            "recorder.compare": {"value": self.level & 0xFFFF, "decimation": self.decimation},
+        }
+
+
+def level(
+    drive: Drive | MptcDrive, name: str, value: float | Sequence[int], edge: str, **others: Any
+) -> Settings:
+    """Settings that trigger on a quantity.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        What the board is loaded with: its formats.
+    name : str
+        Of a measurement or reference as the trace has it; "applied" or "applied_next"; "cycles".
+    value : float or sequence of int
+        In the unit of the drive file; of `applied` the three positions, or the three vectors.
+    edge : str
+        "rising": it comes to the value or above, "falling": it comes below, "equal": it is it.
+    **others
+        Of `Settings`.
+
+    Returns
+    -------
+    Settings
+        With this trigger, and that of a trip unless `others` says otherwise.
+
+    Raises
+    ------
+    ValueError
+        If there is no such quantity or edge, or the value does not fit its word.
+    """
+    mptc = isinstance(drive, MptcDrive)
+    formats = mptc_formats.measurement_formats(drive) if mptc else mpdcc_formats.MEASUREMENTS
+    fields = {f.name: f for f in FIELDS[drive.controller] if f.width <= 16 and f.low in (0, 16)}
+    names = [*formats, "applied", "applied_next", "cycles"]
+    if name not in names:
+        raise ValueError(f"trigger: got '{name}'; it must be one of {', '.join(names)}")
+    if edge not in ("rising", "falling", "equal"):
+        raise ValueError(f"trigger: got '{edge}'; it must be rising, falling or equal")
+    if name in formats:
+        word, clipped = (x.item() for x in formats[name].encode(value))
+        if clipped:
+            raise ValueError(f"trigger: {name} = {value:g} is beyond its full scale")
+    else:
+        parts = value if isinstance(value, Sequence) else [int(value)]
+        if name != "cycles" and (len(parts) != 3 or not all(0 <= p <= 7 for p in parts)):
+            raise ValueError(f"trigger: {name} = {value}; it must be three numbers from 0 to 7")
+        word = sum(p << 3 * n for n, p in enumerate(parts))
+    f = fields[name]
+    return Settings(
+        unsigned=not f.signed,
+        channel=2 * f.word + f.low // 16,
+        level=word,
+        **{edge: True},
+        **others,
+    )
+
+
+@dataclass
+class RecorderModel:
+    """What the recorder does, step by step; ``rtl/system/recorder.vhd`` does the same.
+
+    Attributes
+    ----------
+    rows_log2 : int
+        Rows of the ring, as a power of two.
+    settings : Settings
+        In force at once.
+    memory : ndarray of uint32, shape (rows, STRIDE)
+        The ring.
+    row : int
+        Where the next record goes.
+    full : bool
+        Whether every row has been written since it was armed.
+    recording, triggered : bool
+        Whether records are kept, and whether something has triggered.
+    cause : dict of str to bool
+        What has triggered, by `CAUSES`; all of it, until the recording ends.
+    """
+
+    rows_log2: int
+    settings: Settings = field(default_factory=Settings)
+
+    def __post_init__(self) -> None:
+        self.memory = np.zeros((1 << self.rows_log2, STRIDE), dtype=np.uint32)
+        self.arm()
+
+    def arm(self) -> None:
+        """Begin anew, with an empty ring."""
+        self.row, self.full = 0, False
+        self.recording, self.triggered = True, False
+        self.cause = dict.fromkeys(CAUSES, False)
+        self._left = self._skip = 0
+        self._above: bool | None = None
+
+    def _level(self, record: Sequence[int]) -> bool:
+        """Whether the channel of a record triggers."""
+        s, half = self.settings, self.settings.channel & 1
+        value = int(record[s.channel >> 1]) >> 16 * half & 0xFFFF
+        level = s.level & 0xFFFF
+        turn = 0 if s.unsigned else 0x8000
+        before, above = self._above, (value ^ turn) >= (level ^ turn)
+        self._above = above
+        edge = before is not None and above != before
+        return (s.equal and value == level) or (edge and (s.rising if above else s.falling))
+
+    def event(self, *, tripped: bool = False, manual: bool = False) -> None:
+        """Something happens between two decisions.
+
+        Parameters
+        ----------
+        tripped : bool
+            The gate guard trips.
+        manual : bool
+            The host triggers.
+        """
+        now = {"fault": tripped and self.settings.fault, "manual": manual}
+        if not self.recording or not any(now.values()):
+            return
+        self.cause |= {name: self.cause[name] or value for name, value in now.items()}
+        if not self.triggered:
+            self.triggered, self._left = True, self.settings.after - 1
+            self.recording = self.settings.after > 0
+
+    def step(
+        self,
+        record: Sequence[int],
+        *,
+        deadlock: bool = False,
+        saturated: bool = False,
+        tripped: bool = False,
+        manual: bool = False,
+    ) -> None:
+        """A decision has been made.
+
+        Parameters
+        ----------
+        record : sequence of int
+            Words of 32 bits, `STRIDE` of them.
+        deadlock, saturated : bool
+            Flags of the decision.
+        tripped, manual : bool
+            Whether the gate guard tripped, or the host triggered, since the decision began.
+        """
+        if not self.recording:
+            return
+        s = self.settings
+        now = {
+            "fault": tripped and s.fault,
+            "deadlock": deadlock and s.deadlock,
+            "saturated": saturated and s.saturated,
+            "level": self._level(record),
+            "manual": manual,
+        }
+        self.cause |= {name: self.cause[name] or value for name, value in now.items()}
+        first = any(now.values()) and not self.triggered
+        self.memory[self.row] = record
+        keep = self._skip == 0 or first
+        self._skip = s.decimation if self._skip == 0 else self._skip - 1
+        if first:
+            self.triggered, self._left = True, s.after
+        if not keep:
+            return
+        self.row = (self.row + 1) % len(self.memory)
+        self.full = self.full or self.row == 0
+        if self.triggered:
+            self.recording = self._left > 0
+            self._left -= 1
+
+
+def pack(controller: str, values: Mapping[str, int]) -> list[int]:
+    """Words of a record.
+
+    Parameters
+    ----------
+    controller : str
+        "mpdcc" or "mptc".
+    values : mapping of str to int
+        By the names of the fields; 0 where none is given.
+
+    Returns
+    -------
+    list of int
+        `STRIDE` words of 32 bits.
+    """
+    record = [0] * STRIDE
+    for f in FIELDS[controller]:
+        record[f.word] |= (int(values.get(f.name, 0)) & (1 << f.width) - 1) << f.low
+    return record
+
+
+def unpack(controller: str, rows: NDArray[Any]) -> dict[str, IntArray]:
+    """Fields of records.
+
+    Parameters
+    ----------
+    controller : str
+        "mpdcc" or "mptc".
+    rows : ndarray of int, shape (n, words)
+        Words of 32 bits, as many as the controller's records have at least.
+
+    Returns
+    -------
+    dict of str to ndarray of int64, shape (n,)
+        By the names of the fields.
+    """
+    found = {}
+    for f in FIELDS[controller]:
+        value = np.asarray(rows)[:, f.word].astype(np.int64) >> f.low & (1 << f.width) - 1
+        found[f.name] = value - ((value >> f.width - 1) << f.width) if f.signed else value
+    return found
+
+
+def _three(packed: IntArray) -> IntArray:
+    """The three numbers of 3 bits of `applied`, shape (n, 3)."""
+    return np.column_stack([packed >> 3 * n & 7 for n in range(3)])
+
+
+@dataclass(frozen=True)
+class RecorderStatus:
+    """What the recorder of a board is at.
+
+    Attributes
+    ----------
+    rows : int
+        Of its ring.
+    recording, triggered : bool
+        Whether it records, and whether something has triggered since it was armed.
+    cause : tuple of str
+        What has, of `CAUSES`.
+    next_row : int
+        Where the next record goes.
+    records : int
+        Whole records that can be read. One row less than the ring has: the next record's is being
+        written.
+    """
+
+    rows: int
+    recording: bool
+    triggered: bool
+    cause: tuple[str, ...]
+    next_row: int
+    records: int
+
+    @classmethod
+    def of(cls, read: Mapping[str, int]) -> RecorderStatus:
+        """Status from its register.
+
+        Parameters
+        ----------
+        read : mapping of str to int
+            Fields of `recorder.status`.
+
+        Returns
+        -------
+        RecorderStatus
+            The same, in words.
+        """
+        rows, row = 1 << read["rows_log2"], read["next_row"]
+        cause = tuple(name for n, name in enumerate(CAUSES) if read["cause"] >> n & 1)
+        records = rows - 1 if read["full"] else row
+        return cls(rows, bool(read["recording"]), bool(read["triggered"]), cause, row, records)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What was recorded, oldest step first.
+
+    Attributes
+    ----------
+    drive : Drive or MptcDrive
+        What the board was loaded with; says what the words mean.
+    fields : dict of str to ndarray of int64, shape (n,)
+        Words as the core had them, see `FIELDS`.
+    trigger : int or None
+        Row of the step that triggered, or of the last one before it; None while nothing has, or
+        where that row has been written over.
+    cause : tuple of str
+        What triggered, of `CAUSES`.
+    """
+
+    drive: Drive | MptcDrive
+    fields: dict[str, IntArray]
+    trigger: int | None = None
+    cause: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.fields["number"])
+
+    @property
+    def steps(self) -> IntArray:
+        """Number of each control step, from 0 on for the first.
+
+        Returns
+        -------
+        ndarray of int64, shape (n,)
+            Steps that are not there have been left out by the decimation.
+        """
+        gaps = np.diff(self.fields["number"]) & 0xFFFF
+        return np.concatenate([[0], np.cumsum(gaps)])[: len(self)].astype(np.int64)
+
+    @property
+    def trace(self) -> mpdcc_trace.MpdccTrace | mptc_trace.MptcTrace:
+        """What the core saw: flux of the observer and filtered voltages where there are.
+
+        Returns
+        -------
+        MpdccTrace or MptcTrace
+            Per unit, or SI; `directmpc replay` takes it.
+        """
+        f, applied = self.fields, _three(self.fields["applied"])
+        if isinstance(self.drive, Drive):
+            x = {name: f[name] / form.scale for name, form in mpdcc_formats.MEASUREMENTS.items()}
+            return mpdcc_trace.MpdccTrace(
+                x_m=np.column_stack([x[n] for n in list(x)[:4]]),
+                x_inv=np.column_stack([x[n] for n in list(x)[4:8]]),
+                vdc=x["v_dc"],
+                iref=np.column_stack([x["iref_alpha"], x["iref_beta"]]),
+                omega_s=x["omega_s"],
+                omega_r=x["omega_r"],
+                s_prev=applied,
+            )
+        formats = mptc_formats.measurement_formats(self.drive)
+        x = {name: f[name] / form.scale for name, form in formats.items()}
+        several = self.drive.control.sequences
+        return mptc_trace.MptcTrace(
+            i_s=np.column_stack([x["is_alpha"], x["is_beta"]]),
+            psi_s=np.column_stack([x["psis_alpha"], x["psis_beta"]]),
+            omega_r=x["omega_r"],
+            torque_ref=x["torque_ref"],
+            psi_ref=x["psi_ref"],
+            u=applied[:, 0],
+            vectors=applied if several else None,
+            times=np.column_stack([f["t1"], f["t2"]]) / TIME_STEPS if several else None,
+        )
+
+    @property
+    def decisions(self) -> mpdcc_trace.Decisions | mptc_trace.MptcDecisions:
+        """What it decided.
+
+        Returns
+        -------
+        Decisions or MptcDecisions
+            With the clocks that each decision took.
+        """
+        f, chosen = self.fields, _three(self.fields["applied_next"])
+        if isinstance(self.drive, Drive):
+            return mpdcc_trace.Decisions(
+                s=chosen,
+                held=f["held"],
+                deadlock=f["deadlock"],
+                length=f["length"],
+                cycles=f["cycles"],
+                saturated=f["saturated"],
+                exhausted=f["exhausted"],
+            )
+        several = self.drive.control.sequences
+        return mptc_trace.MptcDecisions(
+            u=chosen[:, 0],
+            cycles=f["cycles"],
+            saturated=f["saturated"] | f["clamped"],
+            vectors=chosen if several else None,
+            times=np.column_stack([f["next_t1"], f["next_t2"]]) / TIME_STEPS if several else None,
+        )
+
+    @property
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """All of it by name, in the units of the drive file.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n,)
+            `step` and `time` (s, 0 at the trigger, else at the first step); the trace's columns;
+            `next_` before the decision's, as a simulation's table has them; `cycles`, `gates` and
+            `faults` (words, bits as in the registers), `leakage` (MPDCC).
+        """
+        f, trace, d = self.fields, self.trace, self.decisions
+        steps = self.steps
+        zero = steps[self.trigger or 0] if len(self) else 0
+        found: dict[str, NDArray[Any]] = {
+            "step": steps,
+            "time": (steps - zero) * self.drive.control.ts,
+        }
+        names = list(mpdcc_formats.MEASUREMENTS)
+        if isinstance(trace, mpdcc_trace.MpdccTrace):
+            table = [*trace.x_m.T, *trace.x_inv.T, trace.vdc, *trace.iref.T]
+            found |= dict(zip(names, [*table, trace.omega_s, trace.omega_r], strict=True))
+            found |= {f"s_{x}": trace.s_prev[:, n] for n, x in enumerate("abc")}
+            found["leakage"] = f["leakage"] / 2**16
+            assert isinstance(d, mpdcc_trace.Decisions)
+            found |= {f"next_s_{x}": d.s[:, n] for n, x in enumerate("abc")}
+            flags = ("held", "deadlock", "length", "saturated", "exhausted")
+        else:
+            assert isinstance(self.drive, MptcDrive)
+            formats = mptc_formats.measurement_formats(self.drive)
+            found |= {name: f[name] / form.scale for name, form in formats.items()}
+            found["u"], found["next_u"] = trace.u, _three(f["applied_next"])[:, 0]
+            if trace.vectors is not None:
+                for before, t in (("", trace), ("next_", d)):
+                    found |= {f"{before}u{n + 1}": t.vectors[:, n] for n in range(3)}
+                    found |= {f"{before}t{n + 1}": t.times[:, n] for n in range(2)}
+            flags = ("saturated", "clamped")
+        found |= {f"next_{name}": f[name] for name in flags}
+        return found | {name: f[name] for name in ("cycles", "gates", "faults")}
+
+    def write_trace(self, path: str | os.PathLike[str]) -> None:
+        """Write what the core saw as a trace that `directmpc replay` takes.
+
+        Parameters
+        ----------
+        path : str or path
+            File to write or to replace.
+
+        Raises
+        ------
+        TraceError
+            If the file cannot be written; nothing is left behind then.
+        """
+        trace = self.trace
+        if isinstance(trace, mpdcc_trace.MpdccTrace):
+            mpdcc_trace.write_trace(path, trace)
+        else:
+            mptc_trace.write_trace(path, trace)
+
+    def write_decisions(self, path: str | os.PathLike[str]) -> None:
+        """Write what it decided, as `directmpc replay` does.
+
+        Parameters
+        ----------
+        path : str or path
+            File to write or to replace.
+
+        Raises
+        ------
+        TraceError
+            If the file cannot be written; nothing is left behind then.
+        """
+        decisions = self.decisions
+        if isinstance(decisions, mpdcc_trace.Decisions):
+            mpdcc_trace.write_decisions(path, decisions)
+        else:
+            mptc_trace.write_decisions(path, decisions)
+
+    def write_table(self, path: str | os.PathLike[str]) -> None:
+        """Write all columns.
+
+        Parameters
+        ----------
+        path : str or path
+            CSV file to write or to replace.
+
+        Raises
+        ------
+        TraceError
+            If the file cannot be written; nothing is left behind then.
+        """
+        columns = self.columns
+        rows = zip(*(map(repr, c.tolist()) for c in columns.values()), strict=True)
+        write_table(path, list(columns), [list(row) for row in rows])
