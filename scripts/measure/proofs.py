@@ -22,6 +22,11 @@ of its own to the solver. Facts come first, in the order of their declaration; w
 of the later clock is taken for granted by the questions behind it. So a proof holds as a whole or
 not at all. It fails where the solver finds a state that breaks a wire, where it finds no answer in
 time, and where the facts contradict one another, since everything follows from that.
+
+Each property has a fault that it has to notice by itself. In the design with that fault properties
+and facts are given in one clock. In the clocks behind it nothing is given but the assumptions, and
+only this property is asked for: it has to be broken within `FAULT_DEPTH` clocks. So a property
+that nothing can break is found, whatever the facts say.
 """
 
 from __future__ import annotations
@@ -50,6 +55,8 @@ RESULTS = BUILD / "proofs.json"
 METHOD = "induction"
 #: Clocks of a step of the induction.
 DEPTH = 1
+#: Clocks within which a fault has to break its property.
+FAULT_DEPTH = 4
 #: Seconds that the solver may take for one question; the slowest takes a quarter of it.
 TIMEOUT = 120
 MARKS = ("<!-- proofs: begin -->", "<!-- proofs: end -->")
@@ -69,8 +76,6 @@ class Fault:
         Entity or package whose file is changed.
     text, fault
         What stands there, once, and what is put in its place.
-    seen_by
-        Property or fact that does not hold any more, without the blocks it lies in.
     configuration
         In which configuration.
     """
@@ -78,7 +83,6 @@ class Fault:
     unit: str
     text: str
     fault: str
-    seen_by: str
     configuration: str
 
 
@@ -191,7 +195,7 @@ def _known(
 def _property(where: str, name: str, given: Mapping[str, Any], first: str) -> Property:
     _known(f"{where}.{name}", given, ("says", "fault"))
     fault = given["fault"]
-    _known(f"{where}.{name}.fault", fault, ("unit", "text", "fault", "seen_by"), ("configuration",))
+    _known(f"{where}.{name}.fault", fault, ("unit", "text", "fault"), ("configuration",))
     return Property(name, given["says"], Fault(**{"configuration": first} | fault))
 
 
@@ -336,33 +340,54 @@ def _named(machine: str, prefix: str) -> list[str]:
     return wires[::-1]
 
 
-def _questions(machine: str) -> tuple[str, list[tuple[str, str]]]:
-    """The solver's input, and what each answer is about: "reset" or "step", and the wire."""
+def _at(name: str, clock: int) -> str:
+    """A wire in a clock."""
+    return f"(|proof_n {name}| s{clock})"
 
-    def _holds(name: str, clock: int) -> str:
-        return f"(|proof_n {name}| s{clock})"
 
+def _clocks(machine: str, count: int) -> list[str]:
+    """Clocks that follow one another, with what is assumed in each of them."""
     assumed = _named(machine, "assume_")
-    wanted = [*_named(machine, "fact_"), *_named(machine, "prove_")]
     lines = ["(set-logic QF_UFBV)", machine]
-    for clock in (0, 1):
+    for clock in range(count):
         lines += [f"(declare-fun s{clock} () |proof_s|)", f"(assert (|proof_h| s{clock}))"]
-        lines += [f"(assert {_holds(name, clock)})" for name in assumed]
-    lines.append("(assert (|proof_t| s0 s1))")
+        lines += [f"(assert {_at(name, clock)})" for name in assumed]
+        if clock:
+            lines.append(f"(assert (|proof_t| s{clock - 1} s{clock}))")
+    return lines
+
+
+def _questions(machine: str) -> tuple[list[str], list[tuple[str, str]]]:
+    """The solver's input, and what each answer is about: "reset" or "step", and the wire."""
+    wanted = [*_named(machine, "fact_"), *_named(machine, "prove_")]
+    lines = _clocks(machine, 2)
     asked: list[tuple[str, str]] = []
     known = _named(machine, "given_")
     for part, given in (("reset", ["rst"]), ("step", [*wanted, *known])):
         lines.append("(push 1)")
-        lines += [f"(assert {_holds(name, 0)})" for name in given]
+        lines += [f"(assert {_at(name, 0)})" for name in given]
         lines += [f'(echo "@{len(asked)}")', "(check-sat)"]
         asked.append((part, ""))
         for name in wanted:
-            lines += ["(push 1)", f"(assert (not {_holds(name, 1)}))"]
+            lines += ["(push 1)", f"(assert (not {_at(name, 1)}))"]
             lines += [f'(echo "@{len(asked)}")', "(check-sat)", "(pop 1)"]
-            lines.append(f"(assert {_holds(name, 1)})")
+            lines.append(f"(assert {_at(name, 1)})")
             asked.append((part, name))
         lines.append("(pop 1)")
-    return "\n".join([*lines, ""]), asked
+    return lines, asked
+
+
+def _answers(
+    proof: Proof, lines: Sequence[str], count: int, folder: Path, timeout: int
+) -> list[str]:
+    """What the solver says to `count` questions."""
+    tools.write(folder / "questions.smt2", "\n".join([*lines, ""]))
+    command = [*tools.tool("yices-smt2"), "--incremental", f"--timeout={timeout}"]
+    done = tools.run([*command, str(folder / "questions.smt2")])
+    answers = {int(number): answer for number, answer in _ANSWER.findall(done.stdout)}
+    if len(answers) != count:
+        raise ProofError(f"{proof.module.name}: the solver says\n{done.stdout[-2000:]}")
+    return [answers[number] for number in range(count)]
 
 
 def prove(
@@ -380,16 +405,10 @@ def prove(
                 f"{proof.module.name} and {LIST.name} name other properties: "
                 f"{', '.join(sorted(written ^ promised))}"
             )
-        text, asked = _questions(machine)
-        tools.write(folder / "questions.smt2", text)
-        command = [*tools.tool("yices-smt2"), "--incremental", f"--timeout={timeout}"]
-        done = tools.run([*command, str(folder / "questions.smt2")])
-    answers = {int(number): answer for number, answer in _ANSWER.findall(done.stdout)}
-    if len(answers) != len(asked):
-        raise ProofError(f"{proof.module.name}: the solver says\n{done.stdout[-2000:]}")
+        lines, asked = _questions(machine)
+        answers = _answers(proof, lines, len(asked), folder, timeout)
     worst: dict[str, str] = {}
-    for number, (part, wire) in enumerate(asked):
-        answer = answers[number]
+    for answer, (part, wire) in zip(answers, asked, strict=True):
         if not wire:
             if answer != "sat":
                 raise ProofError(
@@ -408,6 +427,45 @@ def prove(
         ),
         seconds=time.perf_counter() - began,
     )
+
+
+def notices(proof: Proof, one: Property, rtl: Path, timeout: int = 20) -> bool:
+    """Whether a property is broken, without the help of any fact, by a design with a fault.
+
+    Parameters
+    ----------
+    proof : Proof
+        The property's.
+    one : Property
+        Which.
+    rtl : Path
+        Folder of the design with the fault.
+    timeout : int
+        Seconds that the solver may take for one clock.
+
+    Returns
+    -------
+    bool
+        Whether it is broken within `FAULT_DEPTH` clocks.
+
+    Raises
+    ------
+    ToolError
+        As `prove`.
+    """
+    with tempfile.TemporaryDirectory(prefix="directmpc-proof-") as name:
+        folder = Path(name)
+        generics = proof.configurations[one.fault.configuration]
+        machine = _machine(proof, generics, folder, rtl)
+        own = [w for w in _named(machine, "prove_") if last_name(w) == f"prove_{one.name}"]
+        lines = _clocks(machine, FAULT_DEPTH + 1)
+        for kind in ("fact_", "given_", "prove_"):
+            lines += [f"(assert {_at(wire, 0)})" for wire in _named(machine, kind)]
+        for clock in range(FAULT_DEPTH):
+            broken = " ".join(f"(not {_at(wire, clock + 1)})" for wire in own)
+            lines += ["(push 1)", f"(assert (or {broken}))"]
+            lines += [f'(echo "@{clock}")', "(check-sat)", "(pop 1)"]
+        return "sat" in _answers(proof, lines, FAULT_DEPTH, folder, timeout)
 
 
 def prove_all(proofs: Sequence[Proof], jobs: int) -> list[Outcome]:
