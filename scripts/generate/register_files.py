@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,6 +53,7 @@ Two address maps, one per controller, alike below 0x080 and from 0x380 on. AXI4-
 The source is [registers/directmpc.rdl](../registers/directmpc.rdl). A drive file becomes register
 values with `make registers DRIVE=drives/anpc5l_6kv.toml`; `ARGS=--help` lists its options.
 
+- [Registers of every controller](#every-controller-registers)
 - [Registers of MPDCC](#mpdcc-registers)
 - [Registers of MPTC](#mptc-registers)
 
@@ -692,44 +693,59 @@ def _regions(tops: dict[str, AddrmapNode]) -> str:
     return tables.markdown(("block", *(one.upper() for one in tops), "holds"), rows, "l")
 
 
+_HEAD = ("address", "register", "bits", "access", "reset", "meaning")
+
+
+def _entry(node: RegNode) -> tuple[tuple[str, ...], list[str]]:
+    """A register's row of the table, and the lines of its own section if it has several fields."""
+    name, fields = node.get_path().partition(".")[2], list(node.fields())
+    address = f"0x{node.absolute_address:03x}"
+    if len(fields) == 1:
+        (only,) = fields
+        sign = "signed" if only.get_property("twos_complement") else ""
+        bits = f"{only.high}:{only.low} {sign}".strip()
+        access, meaning = _ACCESS[only.get_property("sw").name], _meaning(only)
+        whole = _meaning(node)
+        same = whole.removesuffix(" [committed]") in ("", meaning)
+        text = (whole or meaning) if same else f"{whole} {meaning}"
+        return (address, f"`{name}`", bits, access, _reset(only), text), []
+    rows = []
+    for field in fields:
+        bits = f"{field.high}:{field.low}" if field.width > 1 else f"{field.low}"
+        access = _ACCESS[field.get_property("sw").name]
+        rows.append((bits, f"`{field.inst_name}`", access, _reset(field), _meaning(field)))
+    section = [tables.markdown(("bits", "field", "access", "reset", "meaning"), rows, "l"), ""]
+    return (address, f"`{name}`", "", "", "", _meaning(node)), section
+
+
+def _heading(title: str, row: tuple[str, ...]) -> str:
+    """Of a register's section; both controllers may have registers of one name."""
+    return f"{title if title.isupper() else ''} {row[1].strip('`')}, {row[0]}".strip()
+
+
 def _markdown(tops: dict[str, AddrmapNode]) -> str:
-    """The page: a table for each map, then one for each register with several fields."""
+    """The page: what every map has, then each map's own; a section for a register with fields."""
     lines = [_INTRODUCTION.replace("REGIONS", _regions(tops))]
-    for controller, top in tops.items():
-        title = controller.upper()
-        lines += [f"## {title}: registers", "", _meaning(top), ""]
-        rows: list[Sequence[object]] = []
-        several = []
-        for node in _registers(top):
-            name, fields = node.get_path().partition(".")[2], list(node.fields())
-            address = f"0x{node.absolute_address:03x}"
-            if len(fields) > 1:
-                several.append((node, name, address))
-                anchor = f"{title} {name}, {address}".lower().replace(" ", "-")
-                anchor = re.sub(r"[^\w-]", "", anchor)
-                text = f"{_meaning(node)} [Fields](#{anchor})."
-                rows.append((address, f"`{name}`", "", "", "", text))
-                continue
-            (only,) = fields
-            sign = "signed" if only.get_property("twos_complement") else ""
-            bits = f"{only.high}:{only.low} {sign}".strip()
-            access, meaning = _ACCESS[only.get_property("sw").name], _meaning(only)
-            whole = _meaning(node)
-            same = whole.removesuffix(" [committed]") in ("", meaning)
-            text = (whole or meaning) if same else f"{whole} {meaning}"
-            rows.append((address, f"`{name}`", bits, access, _reset(only), text))
-        head = ("address", "register", "bits", "access", "reset", "meaning")
-        lines += [tables.markdown(head, rows, "l"), ""]
-        for node, name, address in several:
-            lines += [f"### {title} {name}, {address}", "", _meaning(node), ""]
-            rows = []
-            for field in node.fields():
-                bits = f"{field.high}:{field.low}" if field.width > 1 else f"{field.low}"
-                access = _ACCESS[field.get_property("sw").name]
-                name_ = f"`{field.inst_name}`"
-                rows.append((bits, name_, access, _reset(field), _meaning(field)))
-            head = ("bits", "field", "access", "reset", "meaning")
-            lines += [tables.markdown(head, rows, "l"), ""]
+    entries = {one: [_entry(node) for node in _registers(top)] for one, top in tops.items()}
+    first, *others = entries.values()
+    shared = [entry for entry in first if all(entry in other for other in others)]
+    for title, text, own in (
+        ("Every controller", "These stand in every map.", shared),
+        *(
+            (one.upper(), _meaning(top), [entry for entry in entries[one] if entry not in shared])
+            for one, top in tops.items()
+        ),
+    ):
+        lines += [f"## {title}: registers", "", text, ""]
+        rows = []
+        for row, section in own:
+            heading = _heading(title, row)
+            anchor = re.sub(r"[^\w-]", "", heading.lower().replace(" ", "-"))
+            rows.append((*row[:-1], f"{row[-1]} [Fields](#{anchor})." if section else row[-1]))
+        lines += [tables.markdown(_HEAD, rows, "l"), ""]
+        for row, section in own:
+            if section:
+                lines += [f"### {_heading(title, row)}", "", *section]
     return "\n".join(lines).rstrip() + "\n"
 
 
