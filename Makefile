@@ -22,7 +22,7 @@ $(foreach name,$(OWN),$(eval $(if $(strip $($(name))),export,unexport) $(name)))
 JOBS ?= 2
 # 1: make run records every signal of the RTL in build/run.fst
 WAVES ?=
-# Further arguments of run, test, registers, synth, check, pnr, prove, mutate, torture, coverage, fuzz, report and release
+# Further arguments of run, test, registers, synth, check, pnr, prove, mutate, torture, upsets, coverage, fuzz, report and release
 ARGS ?=
 export JOBS
 
@@ -40,7 +40,7 @@ CONTROLLER ?= mpdcc
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP BOARD CONTROLLER
 
 .PHONY: field-bench field-score help setup run test test-all lint format replay registers synth budgets check pnr sweep prove mutate report fidelity \
-  cluster sources generate virtual-board bitstream native netlist layers robustness torture coverage fuzz site release clean
+  cluster sources generate virtual-board bitstream native netlist layers robustness torture upsets coverage fuzz site release clean
 
 help: ## this list
 	@echo 'directmpc: direct predictive control of drives in VHDL'
@@ -130,6 +130,9 @@ mutate: $(READY) ## small changes of the VHDL that no test notices; ARGS=gate_le
 
 torture: $(READY) ## millions of decisions against slow second writings; goes on where it was stopped
 	@'$(PY)' -m scripts torture --jobs '$(JOBS)' $(ARGS)
+
+upsets: $(READY) ## single upsets of every flip-flop of mapped netlists; goes on where it was stopped
+	@'$(PY)' -m scripts upsets --jobs '$(JOBS)' $(ARGS)
 
 coverage: $(READY) ## what vectors reach of VHDL, algorithms and library; mapped netlists; ARGS=mapped for one part
 	@'$(PY)' -m scripts coverage $(ARGS)

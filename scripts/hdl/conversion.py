@@ -738,10 +738,16 @@ def convert(
     return target, log
 
 
-def cached(top: str, generics: Generics | None = None, *, std: str | None = None) -> Path:
+def cached(
+    top: str,
+    generics: Generics | None = None,
+    *,
+    std: str | None = None,
+    rtl: Path = sources.RTL,
+) -> Path:
     """The Verilog of a configuration, converted only when its sources or tools have changed."""
     generics = generics or {}
-    files = sources.compile_order(top, sources.rtl_files())
+    files = sources.compile_order(top, sources.rtl_files(rtl))
     std = std or sources.standard(files)
     key = tools.digest(
         top,

