@@ -12,6 +12,7 @@ from pathlib import Path
 
 from directmpc.native.library import VERILOG
 from scripts.hdl import conversion
+from scripts.hdl.virtual_board import generics
 from scripts.shared import tools
 from scripts.shared.tools import Generics
 
@@ -25,6 +26,8 @@ DESIGNS: dict[str, tuple[str, Generics]] = {
     "mpdcc_system": ("mpdcc_system", {}),
     "mptc_system": ("mptc_system", {}),
     "mptc_family_system": ("mptc_system", {"FAMILY": True}),
+    "mpdcc_board": ("board_top", generics("mpdcc")),
+    "mptc_board": ("board_top", generics("mptc", family=True, sensorless=True)),
 }
 
 

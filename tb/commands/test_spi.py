@@ -1,31 +1,36 @@
-"""A board behind SPI: the stream, its two devices, and a host in real time on a virtual board.
+"""A board behind SPI: the stream, its devices, and a host in real time on boards in simulation.
 
 Stimulus: transactions that bring nothing, a reply, a part of one; a stand-in for spidev; ports that
 are missing, taken, or answer nothing; bytes that are no transaction; a virtual board with SPI, and
-a host that keeps the time of the watchdog, then one that does not.
+a host that keeps the time of the watchdog, then one that does not; the board's RTL in this process.
 Checks: requests are one transaction; fetching takes as many clocks as the reply needs; parts of
 frames never reach the link; decisions over SPI are the model's, with the guard's times of the
-control period; what is wrong is one line.
+control period; what is wrong is one line; replies of the RTL are those of a virtual board's UART.
 Does not prove: that Linux keeps the control period; that spidev does as its stand-in.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import subprocess
 import sys
 import types
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import pytest
 
 from directmpc.api.drive_file import load_drive
-from directmpc.host import lockstep, spi
+from directmpc.host import lockstep, rtl, spi
 from directmpc.host.board import Board, TrippedError
 from directmpc.host.link import Link, LinkError
-from directmpc.host.protocol import REPLY, REPLY_SIZE, Frame, Type
+from directmpc.host.protocol import REPLY, REPLY_SIZE, Decision, Frame, Type
+from directmpc.mptc.drive import MptcDrive
+from scripts.hdl import native
 from scripts.hdl.virtual_board import VirtualBoard, generics
 from scripts.shared.tools import ROOT
 
@@ -174,14 +179,91 @@ def test_what_is_no_transaction_leaves_nothing_behind(
                 assert board.controller == "mptc"
 
 
-def test_a_host_in_real_time_over_spi(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@contextlib.contextmanager
+def opened(kind: str, controller: str, folder: Path, **options: Any) -> Iterator[Board]:
+    """A board of a kind in simulation: its UART, its SPI, or its RTL in this process."""
+    if kind == "rtl":
+        native.write([rtl.BOARDS[controller]])
+        with Board(f"rtl:{controller}", timeout=60, **options) as board:
+            yield board
+        return
+    family = controller == "mptc"
+    built = generics(controller, family=family, sensorless=family)
+    prefix = "spi:" if kind == "spi" else ""
+    with (
+        VirtualBoard(built, folder / "board", spi=kind == "spi") as running,
+        Board(f"{prefix}{running.port}", timeout=60, **options) as board,
+    ):
+        yield board
+
+
+@pytest.mark.parametrize("name", ["anpc5l_6kv", "induction_2kw2"])
+def test_replies_of_the_rtl_are_those_of_a_board(name: str, tmp_path: Path) -> None:
+    """Two methods of MPTC, one of them with sequences: every reply, and who the board is."""
+    drives = [load_drive(name)]
+    if drives[0].controller == "mptc":
+        drives.append(drives[0].with_control(method="MPTC2"))
+    seen: dict[str, list[Any]] = {"uart": [], "rtl": []}
+    for kind, found in seen.items():
+        with opened(kind, drives[0].controller, tmp_path) as board:
+            found.append(replace(board.identity, last_sequence=0))  # each link has its own
+            for drive in drives:
+                found.append(board.load(drive))
+                found.append(board.start())
+                with recorded(board) as replies:
+                    if isinstance(drive, MptcDrive):
+                        run = lockstep.run_mptc(board, drive, 600, 3.0, 0.95, STEPS)
+                    else:
+                        run, _, _ = lockstep.run_mpdcc(board, drive, 1.0, STEPS, "fast")
+                found.append(replies)
+                assert (run.differing, len(replies)) == (0, STEPS)
+                assert len({reply.gates for reply in replies}) >= 3
+            board.stop()
+            found.append(board.read("system.status"))
+            assert board.link.strays == 0
+    assert seen["rtl"] == seen["uart"]
+
+
+@contextlib.contextmanager
+def recorded(board: Board) -> Iterator[list[Any]]:
+    """Keeps what STEP is answered."""
+    found, plain = [], board.link.request
+
+    def request(kind: Type, payload: bytes = b"", **options: bool) -> bytes:
+        answer = plain(kind, payload, **options)
+        if kind is Type.STEP:
+            found.append(Decision.unpack(answer))
+        return answer
+
+    board.link.request = request
+    try:
+        yield found
+    finally:
+        board.link.request = plain
+
+
+def test_the_rtls_permit_turns_off_and_what_is_no_board_is_one_line() -> None:
+    native.write(["mptc_board"])
+    device = rtl.Device("induction_2kw2")
+    with Board(Link(spi.SpiStream(device))) as board:
+        board.load("induction_2kw2")
+        board.start()
+        device.design.put("permit", 0)
+        with pytest.raises(TrippedError, match="external"):
+            lockstep.run_mptc(board, load_drive("induction_2kw2"), 600, 3.0, 0.95, 2)
+        assert device.design.get("gates") == 0
+    for port, said in (("rtl:no_drive", "no_drive"), ("rtl:anpc5l_6kv_kbest", "kbest")):
+        with pytest.raises(LinkError, match=said) as refused:
+            Board(port)
+        assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("kind", ["spi", "rtl"])
+def test_a_host_in_real_time(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(spi, "PATIENCE", 60.0)
     drive = load_drive("anpc5l_6kv")
     lockstep.warm_up(drive)
-    with (
-        VirtualBoard(generics("mpdcc"), tmp_path / "board", spi=True) as running,
-        Board(f"spi:{running.port}", real_time=True, timeout=60) as board,
-    ):
+    with opened(kind, "mpdcc", tmp_path, real_time=True) as board:
         board.load(drive)
         period = drive.control.ts * board.identity.clock
         assert board.read("guard.watchdog")["clocks"] == pytest.approx(1.5 * period, abs=1)

@@ -234,7 +234,7 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--port",
         required=True,
         help="serial device, or the virtual board's name; spi: before it for SPI, "
-        "such as spi:/dev/spidev0.0",
+        "such as spi:/dev/spidev0.0; rtl: and a drive for the RTL in this process",
     )
     parser.add_argument(
         "--baud", type=int, help=f"bit rate, {BAUD} by default, {spi.RATE} over SPI"

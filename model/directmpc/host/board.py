@@ -31,7 +31,7 @@ from directmpc.api.controllers import state_of
 from directmpc.api.drive_file import load_core_drive
 from directmpc.drive_tables import DriveError
 from directmpc.host import protocol as p
-from directmpc.host import spi
+from directmpc.host import rtl, spi
 from directmpc.host.console import terminable, undisturbed
 from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
 from directmpc.host.measurements import Encoder
@@ -72,6 +72,9 @@ BAUD = 3_000_000
 
 SPI = "spi:"
 """What the name of a port behind SPI begins with."""
+
+RTL = "rtl:"
+"""What the name of a board begins with that is the RTL itself, in this process."""
 
 LONGEST_TIME = 0xFFFF
 """Of the guard's decision limit and watchdog, clocks: lock-step knows no control period."""
@@ -208,6 +211,8 @@ def decision_of(
 
 def _stream_of(port: str, rate: int | None) -> SerialStream | spi.SpiStream:
     """The line to a board, by the port's name."""
+    if port.startswith(RTL):
+        return spi.SpiStream(rtl.Device(port.removeprefix(RTL)))
     if port.startswith(SPI):
         return spi.opened(port.removeprefix(SPI), spi.RATE if rate is None else rate)
     return SerialStream(port, BAUD if rate is None else rate)
@@ -224,7 +229,8 @@ class Board:
     ----------
     port : str, path or Link
         Serial device, or name of a virtual board; ``spi:`` before an SPI device of Linux, or before
-        the name of a virtual board with SPI; or a link of one's own.
+        the name of a virtual board with SPI; ``rtl:``, ``rtl:mptc`` or ``rtl:`` and a drive: the
+        board's RTL itself, see `directmpc.host.rtl`; or a link of one's own.
     real_time : bool
         False, lock-step: the board waits for the host, `load` sets the guard's decision limit and
         watchdog to their longest, 65,535 clocks. True: they follow from the control period.

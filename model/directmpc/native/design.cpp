@@ -2,7 +2,8 @@
 //
 // Compiled together with what Verilator makes of the converted VHDL (class Vdesign) and with ports.h,
 // which the build writes from the header of the Verilog: the list PORTS(X) of X(direction, name, width)
-// but for clk, and the macros BUSY_PORT, and AXI where there is a bus. resting.h lists members of the class
+// but for the clock, CLOCK, which is its name, and AXI, DECIDES, SPI where there is a register bus, a start of
+// decisions, the pins of a board. resting.h lists members of the class
 // that change while the design rests: COUNTERS(X) of X(member, width, way), COUNTED(X) of X(member) for what
 // follows from counters alone, ROTATING(X) of X(part, member).
 // Licence: Apache-2.0
@@ -31,6 +32,7 @@ void Vdesign___024root___eval_settle(Vdesign___024root *self);
 namespace {
 
 constexpr unsigned RESET_CLOCKS = 4;
+constexpr unsigned POWER_ON_CLOCKS = 100;  // of a board: its own reset takes 15
 constexpr unsigned ANSWER_CLOCKS = 64;  // several times the longest access of a system
 
 enum Direction { in, out };
@@ -144,11 +146,11 @@ struct directmpc_design {
     static void operator delete(void *memory) { std::free(memory); }
     // Inputs settle with the clock low; what an edge samples is read just before it.
     void settle() {
-        model->clk = 0;
+        model->CLOCK = 0;
         model->eval();
     }
     void edge() {
-        model->clk = 1;
+        model->CLOCK = 1;
         model->eval();
         edges++;
     }
@@ -156,6 +158,20 @@ struct directmpc_design {
         settle();
         edge();
     }
+#ifdef SPI
+    // The pins as a host leaves them. What is asynchronous is seen by its edge.
+    void power_on() {
+        for (const bool high : {false, true}) {
+            model->permit = !high;
+            model->spi_cs_n = high;
+            model->uart_rx = 1;
+            settle();
+        }
+        model->permit = 1;
+        for (unsigned k = 0; k < POWER_ON_CLOCKS; k++) clock();
+        settle();
+    }
+#endif
     void put(unsigned port, uint32_t value);
     uint32_t get(unsigned port) const;
     template <class Changed>
@@ -366,7 +382,11 @@ const char *directmpc_ports(void) {
 directmpc_design *directmpc_create(void) {
     try {
         auto *design = new directmpc_design;
+#ifdef SPI
+        design->power_on();
+#else
         directmpc_reset(design);
+#endif
         Vdesign___024root___eval_settle(design->model->rootp);  // keeps count of its rounds: one from here on
         return design;
     } catch (const std::bad_alloc &) {
@@ -379,10 +399,14 @@ void directmpc_destroy(directmpc_design *design) {
 }
 
 void directmpc_reset(directmpc_design *design) {
+#ifdef SPI
+    (void)design;
+#else
     design->model->rst = 1;
     directmpc_clocks(design, RESET_CLOCKS);
     design->model->rst = 0;
     design->settle();
+#endif
 }
 
 void directmpc_put(directmpc_design *design, uint32_t port, uint32_t value) {
@@ -413,9 +437,10 @@ uint64_t directmpc_skipped(const directmpc_design *design) { return design->skip
 
 uint32_t directmpc_decide(directmpc_design *design, const uint32_t *inputs, uint32_t *outputs,
                           uint32_t limit) {
+#ifdef DECIDES
     Vdesign *const model = design->model.get();
     uint32_t waited = 0;
-    for (design->settle(); model->BUSY_PORT; design->clock(), design->settle())
+    for (design->settle(); model->busy; design->clock(), design->settle())
         if (waited++ >= limit) return 0;
     unsigned at = 0;
 #define TAKE_in(name, width)                                                              \
@@ -443,6 +468,9 @@ uint32_t directmpc_decide(directmpc_design *design, const uint32_t *inputs, uint
         }
         design->edge();
     }
+#else
+    (void)design, (void)inputs, (void)outputs, (void)limit;
+#endif
     return 0;
 }
 
@@ -495,6 +523,35 @@ int directmpc_read(directmpc_design *design, uint32_t address, uint32_t *word) {
     return answer;
 #else
     (void)design, (void)address, (void)word;
+    return -1;
+#endif
+}
+
+int directmpc_transfer(directmpc_design *design, const uint8_t *bytes, uint8_t *back, size_t count) {
+#ifdef SPI
+    Vdesign *const m = design->model.get();
+    m->spi_cs_n = 0;
+    design->settle();
+    for (size_t k = 0; k < count; k++) {
+        uint8_t in = 0;
+        for (int bit = 7; bit >= 0; bit--) {
+            m->spi_mosi = bytes[k] >> bit & 1;
+            design->settle();
+            in = in << 1 | m->spi_miso;
+            m->spi_sck = 1;
+            m->eval();
+            design->edge();
+            m->spi_sck = 0;
+            m->eval();
+        }
+        back[k] = in;
+    }
+    directmpc_clocks(design, 2);
+    m->spi_cs_n = 1;
+    directmpc_clocks(design, 8);
+    return 0;
+#else
+    (void)design, (void)bytes, (void)back, (void)count;
     return -1;
 #endif
 }

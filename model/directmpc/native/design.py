@@ -218,6 +218,29 @@ class Design:
             raise NativeError(f"{self.name}: there is no register at 0x{address:03X}")
         return word.value
 
+    def transfer(self, data: bytes) -> bytes:
+        """One SPI transaction with a board, a clock a bit.
+
+        Parameters
+        ----------
+        data : bytes
+            To the board.
+
+        Returns
+        -------
+        bytes
+            What came back, as many.
+
+        Raises
+        ------
+        NativeError
+            If the design has no SPI.
+        """
+        back = ctypes.create_string_buffer(len(data))
+        if self._library.directmpc_transfer(self._handle, data, back, len(data)):
+            raise NativeError(f"{self.name}: there are no pins of SPI")
+        return back.raw
+
     def _answered(self, answer: int) -> bool:
         if answer < 0:
             raise NativeError(f"{self.name}: no answer on the register bus")

@@ -51,6 +51,8 @@ RUNTIME = ("verilated.cpp", "verilated_save.cpp", "verilated_threads.cpp")
 COUNTERS = {"countdown": ("left", "down to 1"), "decision_monitor": ("cycles", "up to its most")}
 #: Entities that run in a circle while their outputs stand.
 ROTATING = ("delay_line", "capacitor_search")
+#: Names of a clock.
+CLOCKS = ("clk", "clock")
 _MODULE = re.compile(r"^module (\w+)\n(.*?)^endmodule", re.M | re.S)
 _PART = re.compile(r"^  (\w+) (\w+) \($", re.M)
 _PORT = re.compile(r"^\s*\(?(input|output)\s+(?:\[(\d+):0\] )?(\w+)[,)]", re.M)
@@ -107,7 +109,7 @@ def verilog_of(design: str) -> Path:
 
 
 def ports_of(verilog: str, top: str) -> list[Port]:
-    """Ports of a module as the conversion prints its header, clk left out.
+    """Ports of a module as the conversion prints its header, the clock left out.
 
     Parameters
     ----------
@@ -132,7 +134,7 @@ def ports_of(verilog: str, top: str) -> list[Port]:
     found = [
         Port(name, int(high) + 1 if high else 1, direction == "input")
         for direction, high, name in _PORT.findall(header.group(1) + ")")
-        if name != "clk"
+        if name not in CLOCKS
     ]
     wide = [port.name for port in found if port.width > 32]
     if wide:
@@ -199,15 +201,17 @@ def _resting(verilog: str, top: str, root: str) -> str:
     return "\n".join(["// Written from the Verilog and what Verilator made of it.", *lines, ""])
 
 
-def _header(ports: Sequence[Port]) -> str:
+def _header(verilog: str, top: str) -> str:
     """ports.h, see design.cpp."""
+    ports = ports_of(verilog, top)
     rows = " \\\n".join(
         f"    X({'in' if port.is_input else 'out'}, {port.name}, {port.width})" for port in ports
     )
     names = {port.name for port in ports}
     lines = ["// Written from the header of the Verilog.", f"#define PORTS(X) \\\n{rows}"]
-    lines.append("#define BUSY_PORT busy")
-    lines += ["#define AXI"] if "s_axil_awaddr" in names else []
+    lines.append(f"#define CLOCK {'clock' if 'spi_sck' in names else 'clk'}")
+    for macro, needed in (("AXI", "s_axil_awaddr"), ("DECIDES", "start"), ("SPI", "spi_sck")):
+        lines += [f"#define {macro}"] if needed in names else []
     return "\n".join(lines) + "\n"
 
 
@@ -341,9 +345,8 @@ def sources(design: str, folder: Path) -> list[Path]:
     source = verilog_of(design)
     text = source.read_text(encoding="utf-8")
     top = _top(text)
-    ports = ports_of(text, top)
     shutil.copy(source, folder / "design.v")
-    header = _header(ports)
+    header = _header(text, top)
     (folder / "ports.h").write_text(header, encoding="utf-8")
     tool = verilator()
     (folder / "visible.vlt").write_text(_visible(text), encoding="utf-8")
@@ -511,6 +514,7 @@ def load(design: str) -> ctypes.CDLL:
         ("decide", word, [handle, words, words, word]),
         ("write", ctypes.c_int, [handle, word, word]),
         ("read", ctypes.c_int, [handle, word, ctypes.POINTER(word)]),
+        ("transfer", ctypes.c_int, [handle, ctypes.c_char_p, words, ctypes.c_size_t]),
         ("state_size", ctypes.c_size_t, [handle]),
         ("save", None, [handle, words]),
         ("restore", ctypes.c_int, [handle, words, ctypes.c_size_t]),

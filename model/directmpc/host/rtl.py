@@ -1,0 +1,65 @@
+"""The board that is no board: the RTL of its top in this process, link and gate guard included.
+
+The name ``rtl:mptc`` is a board of MPTC and its family, ``rtl:mpdcc`` or ``rtl:`` one of MPDCC, and
+``rtl:`` before a drive the one that serves it. A host speaks to its SPI pins, a clock a bit. Time
+goes on with each transaction alone, at 25 MHz, so a slow host is none for the watchdog. The native
+library is built at first use (`directmpc.native.library`).
+"""
+
+from __future__ import annotations
+
+from directmpc.api.drive_file import load_core_drive
+from directmpc.drive_tables import DriveError
+from directmpc.host.link import LinkError
+from directmpc.native import Design, NativeError
+
+BOARDS = {"mpdcc": "mpdcc_board", "mptc": "mptc_board"}
+"""Controller to the native library of its board."""
+
+
+class Device:
+    """The pins of a board's RTL.
+
+    Parameters
+    ----------
+    name : str
+        "mpdcc", "mptc" or a drive; "mpdcc" if empty.
+
+    Attributes
+    ----------
+    design : Design
+        The board; its inputs `permit` and `steps_over_spi` are '1'.
+
+    Raises
+    ------
+    LinkError
+        If there is no such board, or its library cannot be built.
+    """
+
+    def __init__(self, name: str = "") -> None:
+        try:
+            controller = name or "mpdcc"
+            if controller not in BOARDS:
+                controller = load_core_drive(name).controller
+            self.design = Design(BOARDS[controller])
+        except (NativeError, DriveError, OSError) as error:
+            raise LinkError(f"rtl:{name}: {error}") from None
+        self.design.put("steps_over_spi", 1)
+
+    def transfer(self, data: bytes, /) -> bytes:
+        """Do a transaction.
+
+        Parameters
+        ----------
+        data : bytes
+            To the board.
+
+        Returns
+        -------
+        bytes
+            What came back, as many.
+        """
+        return self.design.transfer(data)
+
+    def close(self) -> None:
+        """Nothing: an instance ends with its last name."""
