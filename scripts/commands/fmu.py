@@ -6,7 +6,7 @@ import argparse
 
 from directmpc import load_drive
 from directmpc.fmu import FmuError, command
-from directmpc.fmu.variables import SYSTEMS
+from directmpc.fmu.variables import system_of
 from directmpc.native import NativeError
 from scripts.hdl import native
 from scripts.shared import progress
@@ -19,7 +19,7 @@ def _run(given: argparse.Namespace) -> int | None:
         drive = load_drive(given.drive)
         if not given.plant:
             with progress.busy("conversion of the VHDL"):
-                native.write([SYSTEMS[drive.controller]])
+                native.write([system_of(drive)])
         print(command.write(drive, given))
     except NativeError as error:
         raise ToolError(str(error)) from None

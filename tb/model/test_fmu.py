@@ -29,7 +29,7 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from directmpc import Drive, ModelController, MpdccState, MptcState, load_drive
+from directmpc import Drive, ModelController, MpdccState, MptcState, load_drive, straight_line
 from directmpc.__main__ import main
 from directmpc.fmu import variables, write_controller, write_plant
 from directmpc.host.measurements import Encoder
@@ -123,7 +123,7 @@ def fmu(tmp_path_factory) -> Callable[..., Path]:
             kind = f"{'plant' if plant else 'controller'}_{len(made)}_{name}.fmu"
             drive = load_drive(name)
             if not plant:
-                native.write([variables.SYSTEMS[drive.controller]])
+                native.write([variables.system_of(drive)])
             made[key] = (write_plant if plant else write_controller)(
                 drive, folder / kind, version=version, windows=False, **options
             )
@@ -153,6 +153,22 @@ def inputs_of(name: str) -> Iterator[dict[str, float]]:
             }  # fmt: skip
 
 
+#: Keys of a drive that an FMU can take, by the name that `Importer` wants, and other values.
+CHANGED: dict[str, dict[str, tuple[str, float]]] = {
+    "anpc5l_6kv": {
+        "control__bound_current": ("control.bound_current", 0.16),
+        "control__bound_vn": ("control.bound_vn", 0.05),
+        "control__lambda_n": ("control.lambda_n", 0.2),
+        "inverter__xph": ("inverter.xph", 1.1),
+    },
+    "induction_2kw2": {
+        "control__k_psi": ("control.k_psi", 31.0),
+        "machine__rs": ("machine.rs", 5.1),
+        "machine__lm": ("machine.lm", 0.214),
+    },
+}
+
+
 def period_of(name: str) -> float:
     """Control period, s."""
     return load_drive(name).control.ts
@@ -176,8 +192,9 @@ def test_it_is_valid_and_complete(fmu, name: str, version: str, plant: bool) -> 
     for one in found.modelVariables:
         assert one.description, one.name
         if one.causality == "parameter":
-            assert one.name.startswith(("guard.", "start."))
             assert plant or None not in (one.min, one.max), one.name
+    settable = {one.name for one in found.modelVariables if one.causality == "parameter"}
+    assert plant or settable >= {"guard.dead_time", *(s for s, _ in CHANGED[name].values())}
 
 
 @pytest.mark.parametrize("version", VERSIONS)
@@ -245,7 +262,7 @@ def test_gates_change_at_their_clocks(fmu, name: str) -> None:
     core = Importer(path, early=True)
     gates = [n for n in core.named if n.startswith("gate_")]
     words = Encoder(drive)
-    slow = loaded(drive, variables.SYSTEMS[drive.controller])
+    slow = loaded(drive, variables.system_of(drive))
     measured = list(MPDCC_MEASUREMENTS if isinstance(drive, Drive) else MPTC_MEASUREMENTS)
     clock, edges, period = 25e6, 0, round(ts * 25e6)
     for _, given in zip(range(40), inputs_of(name), strict=False):
@@ -377,6 +394,73 @@ def test_two_instances_share_nothing(fmu) -> None:
             one.put(**next(itertools.islice(inputs_of(name), k, None)))
             one.step(period_of(name))
             assert one.outputs() == alone[place // 2][k]
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_parameters_make_the_controller_of_such_a_drive(fmu, name: str, tmp_path: Path) -> None:
+    """Decisions and gates of one FMU with other parameters are those of the other drive's FMU."""
+    tables: dict[str, dict[str, float]] = {}
+    for key, value in CHANGED[name].values():
+        section, _, word = key.partition(".")
+        tables.setdefault(section, {})[word] = value
+    drive = load_drive(name).changed(**tables)
+    path = write_controller(drive, tmp_path / "other.fmu", windows=False)
+    given = {key: value for key, (_, value) in CHANGED[name].items()}
+    plain, set_, other = Importer(fmu(name)), Importer(fmu(name), **given), Importer(path)
+    differing = 0
+    for _, inputs in zip(range(60), inputs_of(name), strict=False):
+        for one in (plain, set_, other):
+            one.put(**inputs)
+            one.step(period_of(name))
+        assert set_.outputs() == other.outputs()
+        differing += set_.outputs() != plain.outputs()
+    assert differing > 2
+    set_.one.reset()
+    set_.begin()
+    fresh = Importer(fmu(name))
+    for one in (set_, fresh):
+        one.put(**inputs)
+        one.step(period_of(name))
+    assert set_.outputs() == fresh.outputs()
+
+
+def test_parameters_that_do_not_fit_together_are_refused(fmu) -> None:
+    name = "induction_2kw2"
+    one = Importer(fmu(name))
+    highest, least = float(one.named["machine.lm"].max), float(one.named["machine.ls"].min)
+    one.one.reset()
+    for given, said in (
+        ({"machine__lm": highest * 1.01}, "machine.lm: got"),
+        ({"control__ts": 1e-4}, "control.ts is built in; write the FMU of another drive"),
+    ):
+        with pytest.raises(Exception, match=r"[Ee]rror"):
+            one.put(**given)
+        assert said in one.said[-1]
+    one.put(machine__lm=highest, machine__ls=least)
+    one.one.enterInitializationMode()
+    with pytest.raises(Exception, match=r"[Ee]rror"):
+        one.one.exitInitializationMode()
+    assert "machine.lm = 0.2299, machine.ls = 0.2127" in one.said[-1]
+    assert "write the FMU of such a drive" in one.said[-1]
+
+
+def test_a_key_that_is_not_seen_is_no_parameter() -> None:
+    """What NumPy or `int` does to a key goes unnoticed, and drops it."""
+
+    def words(v: Any) -> dict[str, Any]:
+        return {
+            "a": round(v["k"] * 8),
+            "b": round(float(np.sqrt(v["n"])) * 100),
+            "c": round(v["n"]),
+        }
+
+    given, allowed = {"k": 3.0, "n": 5.0}, {"k": (0.0, 20.0), "n": (0.0, 20.0)}
+    program, ranges = straight_line.of_keys(given, allowed, words, lambda _: [])
+    assert list(ranges) == ["k"]
+    assert program.run({"k": 2.06, "n": 5.0}) == {"a": 16.0}
+    branch = straight_line.noted(given, lambda v: {"a": v["k"] + 1.0 if v["k"] > 1 else 0.0})
+    assert branch.run({"k": 2.0, "n": 5.0}) == {"a": 3.0}
+    assert branch.run({"k": 0.5, "n": 5.0}) is None
 
 
 @pytest.mark.parametrize("version", VERSIONS)

@@ -14,7 +14,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from directmpc import __version__
-from directmpc.fmu.variables import SYSTEMS, Model, Variable, controller, plant
+from directmpc.fmu.variables import Model, Variable, controller, plant, system_of
 from directmpc.host.registers import CORE_CLOCK
 from directmpc.mpdcc.drive import Drive, FiveLevelDrive
 from directmpc.mptc.drive import MptcDrive
@@ -94,8 +94,7 @@ def write_controller(
         If the file cannot be written.
     """
     path = Path(out)
-    if drive.controller in SYSTEMS:
-        library.verilog_of(SYSTEMS[drive.controller])
+    library.verilog_of(system_of(drive))
     model = controller(drive, _identifier(path), clock=clock, si=si, phases=phases)
     return _write(model, path, version, windows, say)
 

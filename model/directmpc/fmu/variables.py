@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from directmpc import straight_line
 from directmpc.drive_tables import keys_of
 from directmpc.host.registers import (
     Setting,
     guard_settings,
+    limits,
     packed,
     registers_of,
     values,
@@ -25,11 +28,39 @@ from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.machine import current_row
 from directmpc.mptc.plant import plant_parameters
 from directmpc.native.library import VERILOG, ports_of
+from directmpc.straight_line import Program
 
 #: Largest magnitude of an input that has no range of its own.
 ANY = 1e9
 _ROLES = ("input", "output", "parameter", "constant")
 SYSTEMS = {"mpdcc": "mpdcc_system", "mptc": "mptc_system"}
+FAMILY = "mptc_family_system"
+#: What registers a design has besides those of every system.
+BUILT: dict[str, tuple[str, ...]] = {"mpdcc_system": (), "mptc_system": (), FAMILY: ("family",)}
+
+
+def system_of(drive: Any) -> str:
+    """The design of a drive's controller.
+
+    Parameters
+    ----------
+    drive : Drive, KbestDrive or MptcDrive
+        Whose controller it is.
+
+    Returns
+    -------
+    str
+        Name of a native library.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    if drive.controller not in SYSTEMS:
+        raise ValueError(f"controller: {drive.controller} has no FMU; {', '.join(SYSTEMS)} have")
+    sequences = isinstance(drive, MptcDrive) and drive.control.sequences
+    return FAMILY if sequences else SYSTEMS[drive.controller]
 
 
 @dataclass(frozen=True)
@@ -174,8 +205,60 @@ def _measurements(
             )
 
 
-def _settings(drive: Drive | MptcDrive, clock: float) -> Iterator[tuple[Variable, str]]:
-    """Keys of the drive file as variables; those of the guard can be set."""
+def _ranged(info: Any) -> tuple[float, float]:
+    """What the drive file allows of a key."""
+    low = [float(m.ge) for m in info.metadata if getattr(m, "ge", None) is not None]
+    high = [float(m.le) for m in info.metadata if getattr(m, "le", None) is not None]
+    return max([*low, -ANY]), min([*high, ANY])
+
+
+def _other(drive: Any, given: Mapping[str, float]) -> Any:
+    """The drive with other values, plain numbers or such that note what is done with them."""
+    tables: dict[str, dict[str, float]] = {}
+    for name, value in given.items():
+        section, _, key = name.partition(".")
+        tables.setdefault(section, {})[key] = value
+    if all(type(value) is float for value in given.values()):
+        return drive.changed(**tables)
+    parts = {}
+    for section, keys in tables.items():
+        part = getattr(drive, section)
+        if dataclasses.is_dataclass(part):
+            parts[section] = dataclasses.replace(part, **keys)
+        else:
+            parts[section] = part.model_copy(update=keys)
+            for check in type(part).__pydantic_decorators__.model_validators.values():
+                check.func(parts[section])
+    return drive.model_copy(update=parts)
+
+
+def _program(
+    drive: Drive | MptcDrive, design: str, clock: float, si: bool, phases: bool
+) -> tuple[Program, dict[str, tuple[float, float]]]:
+    """How registers follow from those keys of machine, inverter and control that can be changed."""
+    given, allowed = {}, {}
+    for section in ("machine", "inverter", "control"):
+        table = getattr(drive, section)
+        for key, info in keys_of(type(table)).items():
+            value = getattr(table, key)
+            if isinstance(value, float) and key != "ts":
+                given[f"{section}.{key}"], allowed[f"{section}.{key}"] = value, _ranged(info)
+
+    def words(keys: Mapping[str, float]) -> dict[str, Any]:
+        return values(_other(drive, keys), clock=clock, built=BUILT[design]).words
+
+    def others(keys: Mapping[str, float]) -> list[str]:
+        other = _other(drive, keys)
+        rows = [*_measurements(other, si, phases), *_outputs(other, design)]
+        return [line for _, line in [*rows, *_settings(other, clock, {})]]
+
+    return straight_line.of_keys(given, allowed, words, others)
+
+
+def _settings(
+    drive: Drive | MptcDrive, clock: float, ranges: Mapping[str, tuple[float, float]]
+) -> Iterator[tuple[Variable, str]]:
+    """Keys of the drive file as variables; those of the guard and of `ranges` can be set."""
     pu = isinstance(drive, Drive)
     written = values(drive, clock=clock)
     places = {n.rpartition(".")[2]: (n, one) for n, one in guard_settings(drive, clock).items()}
@@ -194,13 +277,13 @@ def _settings(drive: Drive | MptcDrive, clock: float) -> Iterator[tuple[Variable
                 unit = (
                     "s" if key == "ts" else _unit_in(words) if not pu or section == "base" else "1"
                 )
-                yield (
-                    Variable(
-                        f"{section}.{key}", f"Built in: {words}" + " (per unit)" * (" pu" in words),
-                        unit, kind, "constant", float(value),
-                    ),
-                    "",
-                )  # fmt: skip
+                text = words + " (per unit)" * (" pu" in words)
+                name = f"{section}.{key}"
+                if name in ranges:
+                    one = Variable(name, text, unit, kind, "parameter", value, *ranges[name])
+                else:
+                    one = Variable(name, f"Built in: {text}", unit, kind, "constant", float(value))
+                yield one, ""
 
 
 def _unit_in(words: str) -> str:
@@ -214,9 +297,8 @@ _UNITS = {"V", "A", "Hz", "s", "H", "Wb", "N.m", "rad/s", "Ohm", "N.m/Wb"}
 def _guard(drive: Drive | MptcDrive, name: str, one: Setting, info: Any, word: int) -> tuple:
     """A setting of the gate guard: a parameter, and how its register follows from it."""
     key = name.rpartition(".")[2]
-    ranges = [m for m in info.metadata if hasattr(m, "ge") or hasattr(m, "le")]
-    least = next((float(m.ge) for m in ranges if getattr(m, "ge", None) is not None), 0.0)
-    most = next((float(m.le) for m in ranges if getattr(m, "le", None) is not None), ANY)
+    least, most = _ranged(info)
+    least = max(least, 0.0)
     most = max(least, min(most, one.most / one.scale))
     start = word / one.scale if one.asked is None else float(one.asked)
     text = f"Gate guard: {key.replace('_', ' ')}" + " (per unit)" * (one.unit == "pu")
@@ -319,10 +401,7 @@ def controller(
         If the drive cannot be represented, lacks a key without which no gate comes on, or its
         period is no whole number of clocks; for methods of several vectors.
     """
-    if drive.controller not in SYSTEMS:
-        raise ValueError(f"controller: {drive.controller} has no FMU; {', '.join(SYSTEMS)} have")
-    if isinstance(drive, MptcDrive) and drive.control.sequences:
-        raise ValueError(f"control.method: {drive.control.method} has no FMU; MPTC and MPFC have")
+    design = system_of(drive)
     if missing := drive.guard.missing():
         raise ValueError(missing[0])
     period = drive.control.ts * clock
@@ -331,12 +410,12 @@ def controller(
             f"control.ts: {drive.control.ts:g} s are {period:g} clocks of {clock / 1e6:g} MHz; a "
             "whole number from 256 is needed: choose another clock"
         )
-    design = SYSTEMS[drive.controller]
     model = Model(
         name, f"{drive.controller.upper()} of {name}, the RTL itself", design, drive.control.ts
     )
     registers = registers_of(drive.controller)
-    given = values(drive, clock=clock)
+    given = values(drive, clock=clock, built=BUILT[design])
+    program, ranges = _program(drive, design, clock, si, phases)
     rows: list[tuple[Variable, str]] = [
         *_measurements(drive, si, phases),
         (Variable("enable", "Gates may be on; a rising edge clears faults", type="boolean",
@@ -344,7 +423,7 @@ def controller(
         (Variable("trip", "External trip: all gates off", type="boolean", least=0.0, most=1.0), ""),
         *_outputs(drive, design),
         (Variable("clocks", "Clocks since the start", role="output"), ""),
-        *_settings(drive, clock),
+        *_settings(drive, clock, ranges),
     ]  # fmt: skip
     model.variables = [variable for variable, _ in rows if variable.name]
     lines = [line for _, line in rows if line]
@@ -353,9 +432,14 @@ def controller(
     settable = {line.split()[1] for line in of_guard}
     writes = [
         f"write {address} {word}"
-        for _, address, word in given.writes()
-        if str(address) not in settable
+        for name, address, word in given.writes()
+        if str(address) not in settable and name not in program.words
     ]
+    places = {}
+    for name in program.words:
+        address, fields = registers[name]
+        ((field_name, one),) = fields.items()
+        places[name] = address, *limits(name, field_name, one), (1 << one[1]) - 1 << one[0]
     status, control, command, faults = (
         registers[f"system.{n}"] for n in ("status", "control", "command", "faults")
     )
@@ -364,7 +448,9 @@ def controller(
     off = {"own_positions": 1}
     model.lines += [
         *of_guard,
-        *writes,
+        *writes[:-1],
+        *program.lines(places),
+        writes[-1],  # the commit
         f"clock {clock!r} {round(period)}",
         f"control {control[0]} {packed('system.control', control[1], on)} "
         f"{packed('system.control', control[1], off)}",

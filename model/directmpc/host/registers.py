@@ -490,7 +490,7 @@ def values(
         if drive.control.sequences or "family" in built:
             parameters |= _sequence_words(drive, clock)
         controller = "mptc"
-    words |= {f"parameters.{name}": int(value) for name, value in parameters.items()}
+    words |= {f"parameters.{name}": value for name, value in parameters.items()}
     addresses = registers_of(controller)
     words = dict(sorted(words.items(), key=lambda word: addresses[word[0]][0]))
     return RegisterValues(controller, words, clock, saturated, drive.guard.missing())

@@ -10,6 +10,7 @@ bounds allow, see ``formats``.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,7 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.extrapolation import choose_extrapolation
 from directmpc.mpdcc.parabola import FAR, fit_parabola
 from directmpc.mpdcc.program import COEFFICIENTS
+from directmpc.straight_line import least, operation
 
 #: Right shift that a product of each alignment undergoes on its way to the result.
 _COARSE = 2.0 ** (f.RESULT_SHIFT - f.ALIGNMENT[1])
@@ -123,7 +125,7 @@ class Registers:
         """
         return {
             **{f"c_{name}": self.coefficients[name] for name in COEFFICIENTS},
-            **{name: int(getattr(self, name)) for name in OPTIONS},
+            **{name: getattr(self, name) for name in OPTIONS},
         }
 
     def array(self) -> NDArray[np.int64]:
@@ -228,8 +230,10 @@ def _per_unit(drive: Drive, real: dict[str, float]) -> dict[str, float]:
     forced = result.pop("forced") / 3.0 * 2.0**f.FORCED_FRACTION
     result |= {
         "error_alpha": _ERROR / f.CURRENT.scale,
-        "error_neutral": -_ERROR / f.NEUTRAL_VOLTAGE.scale * drive.converter.neutral.any(),
-        "error_phase": _ERROR / (2.0 * f.CAPACITOR_VOLTAGE.scale) * drive.converter.capacitor.any(),
+        "error_neutral": -_ERROR / f.NEUTRAL_VOLTAGE.scale * bool(drive.converter.neutral.any()),
+        "error_phase": _ERROR
+        / (2.0 * f.CAPACITOR_VOLTAGE.scale)
+        * bool(drive.converter.capacitor.any()),
         "forced_voltage": forced * _COARSE / f.CAPACITOR_VOLTAGE.scale,
         "forced_neutral": forced * _COARSE / f.NEUTRAL_VOLTAGE.scale,
         "phase_alpha": h / drive.inverter.xph * _FINE / f.CURRENT.scale,
@@ -244,7 +248,7 @@ def _per_unit(drive: Drive, real: dict[str, float]) -> dict[str, float]:
 
 def _weight(drive: Drive) -> tuple[int, dict[str, float]]:
     """Finest scale of sqrt(lambda_n)*v_n that fits, and its three coefficients."""
-    root = math.sqrt(drive.control.lambda_n * f.COST_UNIT / 2**f.RECIPROCAL_FRACTION)
+    root = (drive.control.lambda_n * f.COST_UNIT / 2**f.RECIPROCAL_FRACTION) ** 0.5
     slope = -root * drive.ts_pu / (2.0 * drive.inverter.xdc)
     for scale in reversed(range(len(f.WEIGHT_FRACTIONS))):
         unit = 2.0 ** f.WEIGHT_FRACTIONS[scale]
@@ -262,17 +266,41 @@ def _weight(drive: Drive) -> tuple[int, dict[str, float]]:
     )
 
 
-def _rounded_bounds(
-    bounds: tuple[float, float, float], real: dict[str, float], unit: float
-) -> list[int]:
+#: Error that each bound is compared with.
+_ERRORS = ("error_alpha", "error_neutral", "error_phase")
+
+
+def _rounded_bounds(bounds: Sequence[float], errors: Iterable[float], unit: float) -> list[int]:
     """Bounds as integers, each with the gain that rounding leaves the error it is compared with.
 
-    `bounds` and the error coefficients of `real` are per 1/`unit`.
+    `bounds` and `errors`, the coefficients of `_ERRORS`, are per 1/`unit`.
     """
-    errors = (real[name] * unit for name in ("error_alpha", "error_neutral", "error_phase"))
-    pairs = zip(bounds, errors, strict=True)
+    pairs = zip(bounds, (error * unit for error in errors), strict=True)
     gains = ((bound, round(error) / error if error else 1.0) for bound, error in pairs)
     return [round(bound * unit * gain) for bound, gain in gains]
+
+
+@operation
+def bounds_fit(unit: float, high: float, *bounds_and_errors: float) -> float:
+    """A unit, a little coarser where a bound in the rounded gain of its error is above the word.
+
+    Parameters
+    ----------
+    unit : float
+        In which they fit but for the gain.
+    high : float
+        Largest word of a bound.
+    *bounds_and_errors : float
+        Three bounds, then their errors' coefficients, per 1/`unit`.
+
+    Returns
+    -------
+    float
+        At most `unit`.
+    """
+    while max(_rounded_bounds(bounds_and_errors[:3], bounds_and_errors[3:], unit)) > high:
+        unit *= 1.0 - 2.0**-16
+    return unit
 
 
 def _curvature_unit(drive: Drive) -> float:
@@ -357,18 +385,17 @@ def unrounded(drive: Drive, variant: str, room: float = 1.0) -> Unrounded:
     prediction, length, correction = _prediction(drive, variant)
     real = _per_unit(drive, prediction)
     bounds = (drive.control.bound_current, drive.control.bound_vn, drive.control.bound_vph)
-    unit = min(
-        min(
+    high = f.BOUND_HIGH[variant]
+    unit = least(
+        *(
             f.COEFFICIENT_SHARE * _HIGH / abs(value * (room if name in CURRENT_SLOPES else 1.0))
             for name, value in real.items()
             if value != 0.0
         ),
-        f.BOUND_HIGH[variant] / max(bounds),
+        *(high / bound for bound in bounds),
         _curvature_unit(drive) if variant == "fast" else math.inf,
     )
-    # a bound in the rounded gain of its error may come out a little above the word
-    while max(_rounded_bounds(bounds, real, unit)) > f.BOUND_HIGH[variant]:
-        unit *= 1.0 - 2.0**-16
+    unit = bounds_fit(unit, high, *bounds, *(real[name] for name in _ERRORS))
     scale, weight = _weight(drive)
     return Unrounded(
         coefficients={name: value * unit for name, value in real.items()}
@@ -448,7 +475,8 @@ def registers(drive: Drive, variant: str, room: float = 1.0) -> Registers:
         room = max(room, ROOM)
     exact = unrounded(drive, variant, room)
     coefficients = {name: round(exact.coefficients[name]) for name in COEFFICIENTS}
-    bounds = _rounded_bounds(exact.bounds, exact.coefficients, 1.0)
+    errors = [exact.coefficients[name] for name in _ERRORS]
+    bounds = _rounded_bounds(exact.bounds, errors, 1.0)
     return Registers(
         coefficients=coefficients,
         bound_current=bounds[0],

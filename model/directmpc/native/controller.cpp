@@ -37,8 +37,55 @@ struct Write {
     size_t parameter;  // whose value it has, or NONE
     double scale, most;
     std::string rounding;
+    size_t node;  // whose value it has, or NONE
+    double least;
 };
 constexpr size_t NONE = ~size_t{0};
+
+// The program that makes words of parameters; model/directmpc/straight_line.py writes it.
+struct Node {
+    std::string what;
+    double value;
+    std::vector<size_t> of;
+};
+
+struct Hold {
+    std::string comparison;
+    size_t left, right;
+    bool outcome;
+};
+
+// What model/directmpc/mpdcc/coefficients.py does by this name.
+double bounds_fit(const std::vector<double> &given) {
+    double unit = given[0];
+    const auto above = [&] {
+        for (size_t k = 2; k < 5; k++) {
+            const double error = given[k + 3] * unit;
+            const double gain = error != 0 ? std::nearbyint(error) / error : 1.0;
+            if (std::nearbyint(given[k] * unit * gain) > given[1]) return true;
+        }
+        return false;
+    };
+    while (above()) unit *= 1.0 - std::ldexp(1.0, -16);
+    return unit;
+}
+
+double done(const std::string &what, const std::vector<double> &given) {
+    const double a = given.at(0), b = given.back();
+    if (what == "add") return a + b;
+    if (what == "sub") return a - b;
+    if (what == "mul") return a * b;
+    if (what == "div") return a / b;
+    if (what == "pow") return std::pow(a, b);
+    if (what == "neg") return -a;
+    if (what == "abs") return std::fabs(a);
+    if (what == "floor") return std::floor(a);
+    if (what == "ceil") return std::ceil(a);
+    if (what == "round") return std::nearbyint(a);
+    if (what == "least") return *std::min_element(given.begin(), given.end());
+    if (what == "bounds_fit" && given.size() == 8) return bounds_fit(given);
+    throw Refused{"unit.txt: there is no operation " + what};
+}
 
 class Controller final : public Unit {
    public:
@@ -63,12 +110,28 @@ class Controller final : public Unit {
         } else if (kind == "status") {
             line >> status_ >> pending_;
         } else if (kind == "write") {
-            Write write{0, 0, NONE, 0, 0, ""};
+            Write write{0, 0, NONE, 0, 0, "", NONE, 0};
             std::string name;
             line >> write.address >> write.word;
             if (line >> name >> write.scale >> write.most >> write.rounding)
                 write.parameter = number(name);
             writes_.push_back(write);
+        } else if (kind == "compute") {
+            Write write{0, 0, NONE, 0, 0, "", NONE, 0};
+            line >> write.address >> write.least >> write.most >> write.word >> write.node;
+            writes_.push_back(write);
+        } else if (kind == "let") {
+            Node node{"", 0, {}};
+            std::string name;
+            line >> node.what;
+            if (node.what == "value") line >> node.value;
+            else if (node.what == "of" && line >> name) node.of.push_back(number(name));
+            else for (size_t k; line >> k;) node.of.push_back(k);
+            program_.push_back(node);
+        } else if (kind == "hold") {
+            Hold hold{};
+            line >> hold.comparison >> hold.left >> hold.right >> hold.outcome;
+            holds_.push_back(hold);
         } else if (kind == "measure") {
             Measurement one{};
             std::string port, name;
@@ -96,9 +159,15 @@ class Controller final : public Unit {
         gates_ = at("gates");
         directmpc_reset(design_);
         settle();
+        const std::vector<double> computed = run();
         for (const Write &write : writes_) {
             uint32_t word = write.word;
             if (write.parameter != NONE) word = word_of(write);
+            if (write.node != NONE) {
+                const double value = computed.at(write.node);
+                if (!(value >= write.least && value <= write.most)) throw Refused{together()};
+                word = static_cast<uint32_t>(static_cast<int64_t>(value)) & write.word;
+            }
             if (directmpc_write(design_, write.address, word))
                 throw Refused{"register " + std::to_string(write.address) + " was not taken"};
         }
@@ -182,6 +251,38 @@ class Controller final : public Unit {
         throw Refused{"parameters do not come into force"};
     }
 
+    // The values of all nodes.
+    std::vector<double> run() const {
+        std::vector<double> found, given;
+        for (const Node &node : program_) {
+            given.clear();
+            if (node.what == "value") {
+                found.push_back(node.value);
+            } else if (node.what == "of") {
+                found.push_back(values[node.of.at(0)]);
+            } else {
+                for (const size_t k : node.of) given.push_back(found.at(k));
+                found.push_back(done(node.what, given));
+            }
+            if (!std::isfinite(found.back())) throw Refused{together()};
+        }
+        for (const Hold &hold : holds_) {
+            const double a = found.at(hold.left), b = found.at(hold.right);
+            const bool so = hold.comparison == "less" ? a < b : hold.comparison == "most" ? a <= b : a == b;
+            if (so != hold.outcome) throw Refused{together()};
+        }
+        return found;
+    }
+
+    // Why values of parameters cannot be had, each of which alone could.
+    std::string together() const {
+        std::ostringstream text;
+        for (const Node &node : program_)
+            if (node.what == "of" && values[node.of.at(0)] != variables[node.of.at(0)].start)
+                text << variables[node.of.at(0)].name << " = " << values[node.of.at(0)] << ", ";
+        return text.str() + "together they do not fit the registers; write the FMU of such a drive";
+    }
+
     uint32_t word_of(const Write &write) const {
         const double exact = values[write.parameter] * write.scale;
         const double counts = write.rounding == "up"     ? std::ceil(exact - 1e-6)
@@ -241,6 +342,8 @@ class Controller final : public Unit {
     std::vector<Measurement> measurements_;
     std::vector<Shown> shown_;
     std::vector<Write> writes_;
+    std::vector<Node> program_;
+    std::vector<Hold> holds_;
     double clock_ = 0;
     uint64_t period_ = 0, zero_ = 0, next_ = 0;
     uint32_t control_ = 0, enabled_ = 0, disabled_ = 0, command_ = 0, forget_ = 0, faults_ = 0,

@@ -110,8 +110,9 @@ int set(Fmu *fmu, Type type, const uint32_t *references, size_t count, const Val
             const Variable &one = variable(*fmu, references[k]);
             const auto value = static_cast<double>(values[k]);
             if (one.type != type) throw Refused{one.name + " is of another type"};
-            if (one.role == Role::output || one.role == Role::constant)
-                throw Refused{one.name + " cannot be set"};
+            if (one.role == Role::output) throw Refused{one.name + " cannot be set"};
+            if (one.role == Role::constant)
+                throw Refused{one.name + " is built in; write the FMU of another drive"};
             if (one.role == Role::parameter && fmu->phase != Phase::made &&
                 fmu->phase != Phase::initialising)
                 throw Refused{one.name + " is fixed once the simulation has begun"};
