@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from directmpc.api.controllers import IdealController, ModelController, RtlController, decide
     from directmpc.api.drive_file import load_drive, shipped_drives
-    from directmpc.api.simulation import SimulationResult, simulate
+    from directmpc.api.result import SimulationResult
+    from directmpc.api.simulation import simulate
     from directmpc.drive_tables import DriveError, DriveFileError
     from directmpc.kbest.drive import KbestDrive
     from directmpc.mpdcc.drive import Drive
@@ -43,7 +44,8 @@ __version__ = "0.1.0"
 _HOMES = {
     "api.controllers": ("IdealController", "ModelController", "RtlController", "decide"),
     "api.drive_file": ("load_drive", "shipped_drives"),
-    "api.simulation": ("SimulationResult", "simulate"),
+    "api.result": ("SimulationResult",),
+    "api.simulation": ("simulate",),
     "drive_tables": ("DriveError", "DriveFileError"),
     "kbest.drive": ("KbestDrive",),
     "mpdcc.drive": ("Drive",),

@@ -18,6 +18,7 @@ from directmpc.mptc.coefficients import COEFFICIENTS
 from directmpc.mptc.errors import erring_sequence, erring_step, legs_at_rest, measure
 from directmpc.mptc.formats import MEASUREMENT_WIDTH, MEASUREMENTS, TIME_PORT_WIDTH, WORD_WIDTH
 from directmpc.mptc.sequence import TIME_STEPS, VectorSequence, segments
+from directmpc.speed_control import speed_pi
 from scripts.hdl.mptc_simulation import FAMILY_METHODS, FIELDS, Job
 from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
 
@@ -151,10 +152,11 @@ async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, 
         wanted = float(loop.torque_ref[k])
         if loop.use_speed:
             gain, rate, limit = loop.gains
-            error = loop.speed_ref[k] - omega_r / loop.plant.pole_pairs
-            if abs(gain * error + integral) < limit:
-                integral += rate * error * loop.plant.ts
-            wanted += min(max(gain * error + integral, -limit), limit)
+            speed = omega_r / loop.plant.pole_pairs
+            asked, integral = speed_pi(
+                gain, rate, 1.0, loop.plant.ts, integral, loop.speed_ref[k], speed, limit
+            )
+            wanted += asked
         measured = measure(loop.errors, k, current)
         currents[k] = current.real, current.imag
         seen[k] = (

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from directmpc import motulator
 from directmpc.api.drive_file import load_mptc_drive
 from directmpc.host.console import progress_bar
 from directmpc.mptc import bit_true, closed_loop, cycles
@@ -36,7 +37,6 @@ from scripts.publish.reporting import ReportError, run_script
 from scripts.shared import tables, tools
 from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import ROOT
-from scripts.studies import motulator_plant
 from scripts.studies import mptc as study
 
 REPORTS = ROOT / "reports"
@@ -212,7 +212,8 @@ def _toured(method: str) -> tuple[Run, dict[str, Any]]:
     scenario, words = rtl_loop.tour(
         drive, study.HIGH_SPEED_FLUX, TOUR_LOAD, TOUR_INERTIA, TOUR_LEGS
     )
-    run = motulator_plant.run_rtl(drive, words, scenario, TOUR_INERTIA)
+    with rtl_loop.controller(drive, words) as rtl:
+        run = motulator.simulate(drive, scenario, rtl, inertia=TOUR_INERTIA)
     rpm = run.trace.omega_r / drive.machine.pole_pairs / RPM
     started, loaded, freed = np.cumsum(TOUR_LEGS[:3])
     seen = joined.run_words(words, joined.encode(drive, run.trace))

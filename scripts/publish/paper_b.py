@@ -15,10 +15,9 @@ import numpy as np
 
 from directmpc.api.drive_file import load_mptc_drive
 from directmpc.host.console import terminable
-from directmpc.mptc.closed_loop import RPM
+from directmpc.mptc.closed_loop import RPM, Run
 from directmpc.mptc.inverter import STATES
 from directmpc.mptc.sequence import WHOLE_FROM
-from directmpc.mptc.sequence_loop import SequenceRun
 from scripts.shared import progress, tables, tools
 from scripts.shared.figures import COLOURS, pyplot, save_png
 from scripts.shared.tools import ROOT
@@ -694,7 +693,7 @@ def _draw_speeds(f: Figures, path: Path) -> None:
     _save(figure, path)
 
 
-def _rpm(run: SequenceRun) -> np.ndarray:
+def _rpm(run: Run) -> np.ndarray:
     return run.trace.omega_r / 2.0 / RPM
 
 
@@ -733,7 +732,7 @@ def _draw_compared(curves: study.Curves, path: Path) -> None:
 
 
 def _draw_runs(
-    columns: Sequence[tuple[str, str, dict[str, SequenceRun]]], curves: study.Curves, path: Path
+    columns: Sequence[tuple[str, str, dict[str, Run]]], curves: study.Curves, path: Path
 ) -> None:
     """Speed, torque, stator flux and current of several runs, a column for each group.
 
@@ -820,7 +819,7 @@ def _draw_steady(
     _save(figure, path)
 
 
-def _shown_vectors(run: SequenceRun) -> tuple[np.ndarray, np.ndarray]:
+def _shown_vectors(run: Run) -> tuple[np.ndarray, np.ndarray]:
     """Numbers of the first and second vector of each period: both zero vectors are 0, -1: none."""
     vectors, times = run.decided.vectors, run.decided.times
     first, second = (np.where(vectors[:, place] == 7, 0, vectors[:, place]) for place in (0, 1))

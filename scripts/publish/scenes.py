@@ -23,7 +23,6 @@ from directmpc.mptc import (
     bit_true_sequences,
     closed_loop,
     drive_twin,
-    sequence_loop,
     speed_observer,
 )
 from directmpc.mptc.coefficients import registers as mptc_registers
@@ -232,7 +231,7 @@ def _mpdcc_explorer() -> Scene:
 def _mptc_family_core() -> Scene:
     drive = load_mptc_drive(ROOT / "drives" / "induction_2kw2.toml")
     drive = drive.with_control(method="MPTC1")
-    run = sequence_loop.simulate(drive, closed_loop.constant(drive, 900.0, 7.0, 0.9, 40))
+    run = closed_loop.simulate(drive, closed_loop.constant(drive, 900.0, 7.0, 0.9, 40), inside=True)
     words, _ = bit_true.encode(drive, run.trace)
     given = {name: int(word) for name, word in zip(MPTC_MEASUREMENTS, words[-1], strict=True)}
     applied = bit_true_sequences.applied_words(run.trace)[-1]
@@ -316,7 +315,7 @@ def _state_observer() -> Scene:
 
 def _mptc_speed_observer() -> Scene:
     drive = sensorless_drive(load_mptc_drive(ROOT / "drives" / "induction_2kw2.toml"))
-    run = sequence_loop.simulate(drive, closed_loop.constant(drive, 900.0, 7.0, 0.9, 3))
+    run = closed_loop.simulate(drive, closed_loop.constant(drive, 900.0, 7.0, 0.9, 3), inside=True)
     words, _ = bit_true.encode(drive, run.trace)
     applied = bit_true_sequences.applied_words(run.trace)
     held = {f"c_{name}": value for name, value in speed_observer.coefficients(drive).items()}

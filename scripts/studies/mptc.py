@@ -13,13 +13,12 @@ import numpy as np
 
 from directmpc.api.drive_file import load_mptc_drive
 from directmpc.distortion import thd
-from directmpc.mptc import closed_loop, sequence_loop
+from directmpc.mptc import closed_loop
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM, Run, Scenario
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import COMMUTATIONS
 from directmpc.mptc.plant import PlantParameters, plant_parameters
-from directmpc.mptc.sequence_loop import SequenceRun
 from directmpc.mptc.trace import FloatArray
 
 DRIVES = Path(__file__).resolve().parents[2] / "drives"
@@ -103,7 +102,7 @@ def _at_speed(
     return closed_loop.simulate(drive, scenario, engine=engine, plant=plant)
 
 
-def fundamental(run: Run | SequenceRun, first: int) -> float:
+def fundamental(run: Run | Run, first: int) -> float:
     """Mean angular frequency of the stator flux."""
     flux = run.trace.psi_s[first:] @ np.array([1.0, 1.0j])
     angle = np.unwrap(np.angle(flux))
@@ -320,7 +319,7 @@ def methods(drive: MptcDrive, seconds: float = 3.0) -> dict[str, dict[str, float
             speed_ref=np.full(steps, 150.0 * RPM),
             gains=GAINS,
         )
-        run = sequence_loop.simulate(one, scenario, plant=plant_parameters(one, INERTIA))
+        run = closed_loop.simulate(one, scenario, plant=plant_parameters(one, INERTIA), inside=True)
         same = (run.decided.vectors == run.wanted.vectors).all(axis=1)
         rows[method] = {
             "thd_150_pct": run.figures()["thd_pct"],

@@ -18,15 +18,13 @@ import numpy as np
 
 from directmpc.compiled import njit
 from directmpc.distortion import thd
-from directmpc.mptc import closed_loop, foc, ideal_sequences, sequence_loop
-from directmpc.mptc.closed_loop import RPM, Scenario
+from directmpc.mptc import closed_loop, foc, ideal_sequences
+from directmpc.mptc.closed_loop import RPM, Run, Scenario
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.foc import FocTuning
 from directmpc.mptc.inverter import UNIT, ZERO_FROM
 from directmpc.mptc.plant import PlantParameters, plant_parameters
-from directmpc.mptc.sensorless import SensorlessRun
 from directmpc.mptc.sequence import WHOLE_FROM, is_active, segments
-from directmpc.mptc.sequence_loop import SequenceRun
 from directmpc.mptc.trace import FloatArray
 from directmpc.states import VectorSequence
 from scripts.studies import mptc as single
@@ -154,14 +152,14 @@ class Curves:
     """
 
     spectra: dict[str, tuple[FloatArray, FloatArray]]
-    disturbed: dict[str, SequenceRun]
-    reversed: dict[str, SequenceRun]
-    crawling: dict[str, SequenceRun]
-    started: dict[str, SequenceRun]
+    disturbed: dict[str, Run]
+    reversed: dict[str, Run]
+    crawling: dict[str, Run]
+    started: dict[str, Run]
     flux: dict[tuple[str, str], FloatArray]
     steps: dict[str, tuple[FloatArray, FloatArray]]
-    steady: dict[tuple[str, str], SequenceRun] = field(default_factory=dict)
-    two_vectors: dict[str, SequenceRun] = field(default_factory=dict)
+    steady: dict[tuple[str, str], Run] = field(default_factory=dict)
+    two_vectors: dict[str, Run] = field(default_factory=dict)
     parameters: dict[tuple[float, float], single.Observed] = field(default_factory=dict)
 
 
@@ -207,15 +205,15 @@ def _simulated(
     scenario: Scenario,
     tuning: FocTuning | None,
     plant: PlantParameters | None = None,
-) -> SequenceRun:
+) -> Run:
     """Run a scenario with the bit-true model, or with FOC where there is a tuning."""
     controller = (foc.decide, foc.parameters(drive, tuning)) if tuning else None
-    return sequence_loop.simulate(drive, scenario, plant=plant, controller=controller)
+    return closed_loop.simulate(drive, scenario, plant=plant, controller=controller, inside=True)
 
 
 def _behind_pi(
     drive: MptcDrive, scenario: Scenario, speed: FloatArray, tuning: FocTuning | None = None
-) -> SequenceRun:
+) -> Run:
     """Run a scenario with a speed controller (reference in rad/s) and a shaft with inertia."""
     scenario = _with_pi(scenario, speed)
     return _simulated(drive, scenario, tuning, plant_parameters(drive, INERTIA))
@@ -233,14 +231,14 @@ def steady(
     psi_ref: float,
     seconds: float = SECONDS,
     controller: tuple[Any, Any] | None = None,
-) -> SequenceRun:
+) -> Run:
     """Hold a speed behind the speed PI, begun in the steady state."""
     steps = round(seconds / drive.control.ts)
     scenario = _with_pi(
         closed_loop.constant(drive, rpm, load, psi_ref, steps), np.full(steps, rpm * RPM)
     )
-    return sequence_loop.simulate(
-        drive, scenario, plant=plant_parameters(drive, INERTIA), controller=controller
+    return closed_loop.simulate(
+        drive, scenario, plant=plant_parameters(drive, INERTIA), controller=controller, inside=True
     )
 
 
@@ -250,11 +248,11 @@ def loaded(
     psi_ref: float = HIGH_SPEED_FLUX,
     seconds: float = SECONDS,
     controller: tuple[Any, Any] | None = None,
-) -> SequenceRun:
+) -> Run:
     """Rated torque at an imposed speed."""
     steps = round(seconds / drive.control.ts)
     scenario = closed_loop.constant(drive, rpm, RATED_TORQUE, psi_ref, steps)
-    return sequence_loop.simulate(drive, scenario, controller=controller)
+    return closed_loop.simulate(drive, scenario, controller=controller, inside=True)
 
 
 def wrong_resistances(
@@ -281,7 +279,7 @@ def wrong_resistances(
     }
 
 
-def spectrum(run: SequenceRun) -> tuple[FloatArray, FloatArray]:
+def spectrum(run: Run) -> tuple[FloatArray, FloatArray]:
     """Spectrum of the current of phase a over whole periods; the first tenth is left out."""
     first = len(run.torque) // 10
     per_step = len(run.current_inside) // len(run.torque)
@@ -296,7 +294,7 @@ def spectrum(run: SequenceRun) -> tuple[FloatArray, FloatArray]:
     return frequency[kept], 100.0 * lines[kept] / lines[periods]
 
 
-def distortions(run: SequenceRun) -> dict[str, float]:
+def distortions(run: Run) -> dict[str, float]:
     """Distortion of the current in several bands, and as control instants alone show it."""
     frequency, amplitude = spectrum(run)
     found = {
@@ -308,7 +306,7 @@ def distortions(run: SequenceRun) -> dict[str, float]:
     return found | {"thd_at_instants_pct": 100.0 * float(at_instants)}
 
 
-def flux_inside(drive: MptcDrive, run: SequenceRun) -> np.ndarray:
+def flux_inside(drive: MptcDrive, run: Run) -> np.ndarray:
     """Stator flux where current and torque are sampled.
 
     From the flux at k on, the voltage less the drop across the stator resistance is integrated
@@ -335,34 +333,34 @@ def flux_inside(drive: MptcDrive, run: SequenceRun) -> np.ndarray:
     return flux.ravel()
 
 
-def _flux_ripple(drive: MptcDrive, run: SequenceRun, seconds: float) -> float:
+def _flux_ripple(drive: MptcDrive, run: Run, seconds: float) -> float:
     """Standard deviation of the flux magnitude at the end of a run, mWb."""
     return 1e3 * float(np.abs(flux_inside(drive, run))[-round(seconds / run.sample_time) :].std())
 
 
-def flux_figures(drive: MptcDrive, run: SequenceRun) -> dict[str, float]:
+def flux_figures(drive: MptcDrive, run: Run) -> dict[str, float]:
     """Ripple of the flux in the steady state; the first tenth is left out."""
     return {"flux_ripple_mwb": _flux_ripple(drive, run, 0.9 * run.ts * len(run.torque))}
 
 
-def unloaded_figures(run: SequenceRun) -> dict[str, float]:
+def unloaded_figures(run: Run) -> dict[str, float]:
     """Figures of a run without load."""
     return run.figures() | distortions(run)
 
 
-def loaded_figures(run: SequenceRun) -> dict[str, float]:
+def loaded_figures(run: Run) -> dict[str, float]:
     """Figures of a run at rated load."""
     return run.figures() | {"second_active_pct": 100.0 * float(_second_active(run).mean())}
 
 
-def _second_active(run: SequenceRun) -> np.ndarray:
+def _second_active(run: Run) -> np.ndarray:
     """Periods whose second vector is active and another than the first."""
     first, second = run.decided.vectors[:, 0], run.decided.vectors[:, 1]
     active = np.array([is_active(u) for u in range(8)])
     return active[second] & (second != first) & (run.decided.times[:, 0] < WHOLE_FROM)
 
 
-def disturbed(drive: MptcDrive, rpm: float = DISTURBED) -> tuple[SequenceRun, dict[str, float]]:
+def disturbed(drive: MptcDrive, rpm: float = DISTURBED) -> tuple[Run, dict[str, float]]:
     """A step of rated load after 0.1 s (Fig. 18)."""
     ts = drive.control.ts
     steps, begin = round(0.6 / ts), round(0.1 / ts)
@@ -377,7 +375,7 @@ def disturbed(drive: MptcDrive, rpm: float = DISTURBED) -> tuple[SequenceRun, di
     }
 
 
-def second_vectors(drive: MptcDrive) -> tuple[SequenceRun, dict[str, float]]:
+def second_vectors(drive: MptcDrive) -> tuple[Run, dict[str, float]]:
     """Second vectors around a step of rated load at `FULL_SPEED` (Fig. 12)."""
     run, _ = disturbed(drive, FULL_SPEED)
     begin, last = (round(seconds / run.ts) for seconds in (0.1, 0.2))
@@ -403,32 +401,28 @@ def sensorless_steady(drive: MptcDrive, case: str, rpm: float, seconds: float) -
     return observed.steady_figures(drive, run, rpm) | {"thd_pct": _sensorless_thd(run)}
 
 
-def _sensorless_thd(run: SensorlessRun) -> float:
+def _sensorless_thd(run: Run) -> float:
     """Distortion of the current in the last two thirds, at the flux's frequency, percent."""
     first, per_step = len(run.torque) // 3, len(run.current_inside) // len(run.torque)
-    angle = np.unwrap(np.angle(run.flux[first:]))
+    angle = np.unwrap(np.angle(run.stator_flux[first:]))
     omega = float(np.polyfit(np.arange(len(angle)) * run.ts, angle, 1)[0])
     inside = run.current_inside[first * per_step :].real
     return 100.0 * float(thd(inside, omega, run.ts / per_step))
 
 
-def reversal(
-    drive: MptcDrive, tuning: FocTuning | None = None
-) -> tuple[SequenceRun, dict[str, float]]:
+def reversal(drive: MptcDrive, tuning: FocTuning | None = None) -> tuple[Run, dict[str, float]]:
     """From -1500 to 1500 r/min without load (Figs. 19 and 29)."""
     return _to_full_speed(drive, -1500.0, 0.8, tuning)
 
 
-def start(
-    drive: MptcDrive, tuning: FocTuning | None = None
-) -> tuple[SequenceRun, dict[str, float]]:
+def start(drive: MptcDrive, tuning: FocTuning | None = None) -> tuple[Run, dict[str, float]]:
     """From standstill to 1500 r/min without load, the machine magnetised (Fig. 28)."""
     return _to_full_speed(drive, 0.0, 0.6, tuning)
 
 
 def _to_full_speed(
     drive: MptcDrive, rpm: float, seconds: float, tuning: FocTuning | None
-) -> tuple[SequenceRun, dict[str, float]]:
+) -> tuple[Run, dict[str, float]]:
     """From a speed to 1500 r/min, the reference steps after 0.1 s."""
     ts = drive.control.ts
     steps, begin = round(seconds / ts), round(0.1 / ts)
@@ -443,7 +437,7 @@ def _to_full_speed(
     }
 
 
-def crawl(drive: MptcDrive) -> tuple[SequenceRun, dict[str, float]]:
+def crawl(drive: MptcDrive) -> tuple[Run, dict[str, float]]:
     """15 r/min with rated load (Fig. 20)."""
     run = steady(drive, CRAWL, RATED_TORQUE, RATED_FLUX)
     rpm = run.trace.omega_r / drive.machine.pole_pairs / RPM

@@ -16,7 +16,7 @@ from directmpc.mptc import closed_loop, sensorless
 from directmpc.mptc.closed_loop import RPM
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.plant import plant_parameters
-from directmpc.mptc.sensorless import CurrentErrors, SensorlessRun
+from directmpc.mptc.sensorless import CurrentErrors, Run
 from directmpc.mptc.speed_observer import SpeedGains
 from directmpc.mptc.trace import FloatArray
 from scripts.studies.mptc import GAINS, HIGH_SPEED_FLUX, INERTIA, PERIODS, RATED_TORQUE
@@ -98,13 +98,13 @@ class Curves:
         Start, reversal, low and full speed without errors.
     noisy : dict
         The same with 12 bits and noise.
-    failed : SensorlessRun
+    failed : Run
         Generating at low speed.
     """
 
-    exact: dict[str, SensorlessRun]
-    noisy: dict[str, SensorlessRun]
-    failed: SensorlessRun
+    exact: dict[str, Run]
+    noisy: dict[str, Run]
+    failed: Run
 
 
 def sensorless_drive(drive: MptcDrive) -> MptcDrive:
@@ -119,7 +119,7 @@ def run(
     last: float,
     load: float,
     seconds: float,
-) -> SensorlessRun:
+) -> Run:
     """From a speed to another, the reference steps after 0.1 s; the machine is magnetised."""
     steps, begin = round(seconds / drive.control.ts), round(0.1 / drive.control.ts)
     scenario = closed_loop.constant(drive, first, load, HIGH_SPEED_FLUX, steps)
@@ -132,13 +132,13 @@ def run(
     )  # fmt: skip
 
 
-def speeds(drive: MptcDrive, made: SensorlessRun) -> tuple[FloatArray, FloatArray]:
+def speeds(drive: MptcDrive, made: Run) -> tuple[FloatArray, FloatArray]:
     """Mechanical speed of a run."""
     per_rpm = drive.machine.pole_pairs * RPM
-    return made.omega_r / per_rpm, made.estimate / per_rpm
+    return made.omega_r / per_rpm, made.trace.omega_r / per_rpm
 
 
-def transient_figures(drive: MptcDrive, made: SensorlessRun) -> dict[str, float]:
+def transient_figures(drive: MptcDrive, made: Run) -> dict[str, float]:
     """Figures of a start or a reversal."""
     speed, estimate = speeds(drive, made)
     begin = round(0.1 / made.ts)
@@ -150,7 +150,7 @@ def transient_figures(drive: MptcDrive, made: SensorlessRun) -> dict[str, float]
     }
 
 
-def steady_figures(drive: MptcDrive, made: SensorlessRun, wanted: float) -> dict[str, float]:
+def steady_figures(drive: MptcDrive, made: Run, wanted: float) -> dict[str, float]:
     """Figures of a run at one speed, over its last third."""
     last = len(made.torque) - len(made.torque) // 3
     speed, estimate = (x[last:] for x in speeds(drive, made))
@@ -178,7 +178,7 @@ def measure(
             )  # fmt: skip
         advance()
 
-    kept: dict[str, dict[str, SensorlessRun]] = {}
+    kept: dict[str, dict[str, Run]] = {}
     for name, case in CASES.items():
         kept[name] = {}
         for study, first, seconds in (("start", 0.0, 0.6), ("reversal", -TOP, 0.8)):

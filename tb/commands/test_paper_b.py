@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.mptc import ideal_sequences, sequence_loop
-from directmpc.mptc.closed_loop import constant
+from directmpc.mptc import closed_loop, ideal_sequences
+from directmpc.mptc.closed_loop import Run, constant
+from directmpc.mptc.trace import Sequences
 from directmpc.states import VectorSequence
 from scripts.commands import paper_b as command
 from scripts.publish import paper_b as report
@@ -188,13 +189,13 @@ def test_the_figures_decide_a_claim(
 
 
 @pytest.fixture(scope="module")
-def short() -> sequence_loop.SequenceRun:
+def short() -> Run:
     """A run whose signals are replaced by known ones."""
     drive = study.with_controller(core.shipped("induction_2kw2"), "MPTC", "deadbeat", 100.0)
-    return sequence_loop.simulate(drive, constant(drive, 150.0, 0.0, 0.986, 20_000))
+    return closed_loop.simulate(drive, constant(drive, 150.0, 0.0, 0.986, 20_000), inside=True)
 
 
-def test_a_known_spectrum_is_found(short: sequence_loop.SequenceRun) -> None:
+def test_a_known_spectrum_is_found(short: Run) -> None:
     samples = len(short.current_inside)
     t = short.sample_time * np.arange(samples)
     # 10 Hz, with 3 % at 1 kHz, 4 % at 4 kHz and 12 % at 27 kHz, beyond the control frequency
@@ -231,14 +232,14 @@ def test_the_flux_inside_a_period_makes_the_torque_there(name: str) -> None:
     assert np.ptp(run.torque_inside) > 0.5
 
 
-def test_second_vectors_are_counted(short: sequence_loop.SequenceRun) -> None:
+def test_second_vectors_are_counted(short: Run) -> None:
     n = len(short.torque)
     vectors, times = np.tile([1, 0, 0], (n, 1)), np.tile([0.5, 0.5], (n, 1))
     vectors[: n // 4, 1:] = 2  # active, another, applied
     vectors[n // 4 : n // 2, 1:] = 1  # the same vector
     vectors[n // 2 : 3 * n // 4, 1:] = 2  # without time
     times[n // 2 : 3 * n // 4] = (1.0, 0.0)
-    run = dataclasses.replace(short, decided=sequence_loop.Sequences(vectors, times))
+    run = dataclasses.replace(short, decided=Sequences(vectors, times))
     assert study.loaded_figures(run)["second_active_pct"] == pytest.approx(25.0)
 
 

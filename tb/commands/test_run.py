@@ -28,7 +28,6 @@ from directmpc.mpdcc.trace import read_decisions
 from directmpc.mpdcc.variants import VARIANTS, count_differences
 from directmpc.mptc import closed_loop as mptc_closed_loop
 from directmpc.mptc import errors as mptc_errors
-from directmpc.mptc import sequence_loop
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.errors import MptcErrors
@@ -505,8 +504,7 @@ def test_the_rtl_controls_another_two_level_machine_with_errors(method: str) -> 
     asked = np.where(np.arange(40) < 20, 0.0, point.torque)
     scenario = dataclasses.replace(scenario, torque_ref=asked)
     plant = plant_parameters(plant_with(drive, factors))
-    loop = sequence_loop if method == "SVM" else mptc_closed_loop
-    wanted = loop.simulate(drive, scenario, plant=plant, errors=errors)
+    wanted = mptc_closed_loop.simulate(drive, scenario, plant=plant, errors=errors)
     np.testing.assert_allclose(found.trace.i_s, wanted.trace.i_s, atol=1e-9)
     np.testing.assert_allclose(found.trace.psi_s, wanted.trace.psi_s, atol=1e-9)
     np.testing.assert_allclose(found.torque, wanted.torque, atol=1e-9)

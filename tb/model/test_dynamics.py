@@ -12,8 +12,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from directmpc import load_drive, simulate
-from directmpc.api.dynamics import CURRENT_LIMIT, MAGNETISED, SpeedController
+from directmpc import IdealController, MptcErrors, load_drive, simulate
+from directmpc.api.dynamics import CURRENT_LIMIT, CURRENT_SHARE, MAGNETISED
+from directmpc.mptc.inverter import STATES
+from directmpc.speed_control import speed_pi
 
 
 @pytest.mark.parametrize("engine", ["ideal", "model"])
@@ -88,12 +90,41 @@ def test_inertia_and_friction_of_the_file_count() -> None:
     assert run.torque[-400:].mean() == pytest.approx(0.02 * 100.0, abs=0.3)
 
 
+@pytest.mark.parametrize("engine", ["ideal", "own"])
+def test_a_two_level_machine_has_its_flux_first_and_weakens_it(engine: str) -> None:
+    drive = load_drive("induction_2kw2")
+    controller = IdealController(drive) if engine == "own" else engine
+    result = simulate(
+        drive, controller, steps=8_000, speed=420.0, start="standstill", inertia=0.002, flux=0.9,
+        errors=MptcErrors(noise_current=0.05, bits=12),
+    )  # fmt: skip
+    largest = CURRENT_SHARE * drive.guard.current_limit
+    assert np.abs(result.current).max() < 1.1 * largest < drive.guard.current_limit
+    turning = np.flatnonzero(result.omega_r > 1.0)[0]
+    assert np.abs(result.flux[:turning]).max() > 0.85 * 0.9
+    assert result.omega_r[-200:].mean() == pytest.approx(420.0, abs=4.0)
+    carried = 540.0 / np.sqrt(3.0) / 420.0
+    assert 0.8 * carried < np.abs(result.flux[-1]) < 0.95 * carried
+
+
+def test_a_start_without_a_speed_sensor() -> None:
+    drive = load_drive("induction_2kw2").with_control(ts=100e-6)
+    result = simulate(
+        drive, steps=4_000, speed=lambda t: 0.0 if t < 0.1 else 150.0, start="standstill",
+        inertia=0.01, flux=0.9, sensorless=True,
+    )  # fmt: skip
+    assert result.omega_r[-200:].mean() == pytest.approx(150.0, abs=5.0)
+    assert 0.0 < np.abs(result.trace.omega_r - result.omega_r)[1500:].max() < 20.0
+
+
 def test_the_integral_does_not_wind_up() -> None:
-    speed = SpeedController(1.0, 0.1)
+    total = 0.0
     for _ in range(100):
-        assert speed.step(5.0, 0.0, 1.0) == 1.0
-    assert speed.total == 0.0
-    assert speed.step(0.0, 0.5, 1.0) == pytest.approx(-0.55)
+        torque, total = speed_pi(1.0, 1.0, 0.5, 0.1, total, 5.0, 0.0, 1.0)
+        assert torque == 1.0
+    assert total == 0.0
+    torque, _ = speed_pi(1.0, 1.0, 0.5, 0.1, total, 0.0, 0.5, 1.0)
+    assert torque == pytest.approx(-0.55)
 
 
 @pytest.mark.parametrize(
@@ -113,3 +144,40 @@ def test_the_integral_does_not_wind_up() -> None:
 def test_what_makes_no_sense_is_refused(name: str, asked: dict, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         simulate(load_drive(name), steps=10, **asked)
+
+
+def test_a_picture_has_what_an_engineer_expects() -> None:
+    pytest.importorskip("matplotlib").use("Agg")
+    for name, speed, units in (
+        ("anpc5l_pmsm", 0.4, ["electrical speed (pu)", "torque (pu)", "current (pu)"]),
+        ("induction_2kw2", 100.0, ["electrical speed (rad/s)", "torque (N m)", "current (A)"]),
+    ):
+        result = simulate(load_drive(name), steps=200, speed=speed, load=0.1, inertia=0.05)
+        figure = result.plot()
+        shown = [axis for axis in figure.axes if axis.get_lines()]
+        assert [axis.get_ylabel() for axis in shown][:3] == units
+        assert shown[-1].get_xlabel() == "time (s)"
+        assert "ideal controller" in figure.get_suptitle()
+        reference, made = shown[0].get_lines()[:2]
+        assert list(reference.get_ydata()) == [speed] * 200
+        assert list(made.get_ydata()) == list(result.omega_r)
+        assert len(shown[2].get_lines()) == 3
+
+
+def test_si_and_switching_frequency() -> None:
+    drive = load_drive("anpc5l_3kv3")
+    result = simulate(drive, steps=400)
+    si = result.si()
+    assert np.abs(si.current).max() == pytest.approx(
+        drive.base.current * np.abs(result.current).max()
+    )
+    assert si.power == pytest.approx(si.torque * si.omega_r)
+    # every turn-on of 24 switches, counted in the converter's tables
+    leg, path = drive.converter, np.vstack([result.trace.s_prev[:1], result.applied])
+    turned = leg.turn_ons()[path[:-1], path[1:]].sum()
+    assert result.switching_frequency == pytest.approx(turned / 24 / (400 * drive.control.ts))
+    motor = simulate(load_drive("induction_2kw2"), steps=400)
+    legs = STATES[motor.applied]
+    changes = np.abs(np.diff(legs, axis=0)).sum() + legs[0].sum()
+    assert motor.switching_frequency == pytest.approx(changes / 6 / (400 * 50e-6))
+    assert np.array_equal(motor.si().current, motor.current)

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from directmpc import load_drive
+from directmpc.api.dynamics import SCENARIOS
 from directmpc.mpdcc.coefficients import registers
 from scripts.hdl import sources
 from scripts.hdl.virtual_board import VirtualBoard, generics
@@ -41,6 +42,7 @@ def example(name: str) -> ModuleType:
 def test_every_example_is_tested_and_short() -> None:
     files = sorted(EXAMPLES.glob("*.py"))
     named = ["closed_loop", "own_controller", "own_host", "own_machine", "own_trace"]
+    named += ["speed_control"]
     assert [f.stem for f in files] == named
     for file in files:
         assert len(file.read_text(encoding="utf-8").splitlines()) < 60
@@ -54,6 +56,21 @@ def test_closed_loop(capsys: pytest.CaptureFixture[str]) -> None:
     mptc = results["induction_2kw2"]
     assert mptc.torque.mean() == pytest.approx(7.0, abs=0.2)
     assert np.abs(mptc.flux).mean() == pytest.approx(0.95, abs=0.02)
+
+
+def test_speed_control(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib").use("Agg")
+    results = example("speed_control").main("ideal", str(tmp_path), 2400)
+    assert len(results) == len(list(tmp_path.glob("*.png"))) == 6
+    for name in ("induction_4kw", "anpc5l_6kv6"):
+        begun, back, loaded = (results[f"{name} {what}"] for what in SCENARIOS)
+        assert abs(begun.flux[0]) == begun.omega_r[0] == 0.0
+        assert np.diff(back.omega_r[1100:]).max() <= 0.0  # slows down towards its reversal
+        dip = loaded.omega_r / loaded.speed_ref
+        assert dip[:1000] == pytest.approx(1.0, abs=0.01)
+        assert 0.8 < dip.min() < 0.99
+        assert loaded.torque[-200:].mean() > 0.5 * loaded.load[-1]
+        assert {result.decisions.saturated.max() for result in results.values()} == {0}
 
 
 def test_own_bench(tmp_path: Path) -> None:

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 from directmpc import FocController, FocTuning, MptcState, simulate
-from directmpc.mptc import foc, ideal_sequences, sequence_loop
-from directmpc.mptc.closed_loop import RPM, constant
+from directmpc.mptc import closed_loop, foc, ideal_sequences
+from directmpc.mptc.closed_loop import RPM, Run, constant
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import UNIT
 from directmpc.mptc.machine import inverse_determinant
@@ -40,7 +40,7 @@ def rotor_flux(drive: MptcDrive, i: np.ndarray, psi: np.ndarray) -> np.ndarray:
     return m.lm * i + m.lr * (psi - m.ls * i) / m.lm
 
 
-def in_rotor_axes(drive: MptcDrive, run: sequence_loop.SequenceRun) -> np.ndarray:
+def in_rotor_axes(drive: MptcDrive, run: Run) -> np.ndarray:
     """Stator current in d, q at control instants, A."""
     i, psi = (x @ np.array([1.0, 1.0j]) for x in (run.trace.i_s, run.trace.psi_s))
     rotor = rotor_flux(drive, i, psi)
@@ -50,12 +50,12 @@ def in_rotor_axes(drive: MptcDrive, run: sequence_loop.SequenceRun) -> np.ndarra
 def run_of(
     drive: MptcDrive, rpm: float, load: float, psi_ref: float, steps: int,
     tuning: FocTuning | None = None, asked: np.ndarray | None = None,
-) -> sequence_loop.SequenceRun:  # fmt: skip
+) -> Run:  # fmt: skip
     scenario = constant(drive, rpm, load, psi_ref, steps)
     if asked is not None:
         scenario = replace(scenario, torque_ref=asked)
-    return sequence_loop.simulate(
-        drive, scenario, controller=(foc.decide, foc.parameters(drive, tuning))
+    return closed_loop.simulate(
+        drive, scenario, controller=(foc.decide, foc.parameters(drive, tuning)), inside=True
     )
 
 
@@ -118,7 +118,7 @@ def test_a_wrong_decoupling_is_seen() -> None:
     faulty = tuned._replace(leakage=0.0)
     errors = []
     for p in (tuned, faulty):
-        run = sequence_loop.simulate(drive, scenario, controller=(foc.decide, p))
+        run = closed_loop.simulate(drive, scenario, controller=(foc.decide, p), inside=True)
         across = in_rotor_axes(drive, run).imag
         errors.append(abs(across[begin + 15 : begin + 60] - across[-50:].mean()).max())
     assert errors[0] < 0.5 * errors[1]
@@ -156,14 +156,16 @@ def test_a_voltage_beyond_the_hexagon_is_flagged_and_the_integrators_do_not_run_
     weak = drive.changed(inverter={"vdc": 380.0})
     scenario = constant(weak, 1500.0, 14.0, 0.9, 2000)
     p = foc.parameters(weak)
-    run = sequence_loop.simulate(weak, scenario, controller=(foc.decide, p))
+    run = closed_loop.simulate(weak, scenario, controller=(foc.decide, p), inside=True)
     assert run.saturated[1000:].all()
     assert (run.decided.times.sum(axis=1)[1000:] > 1.0 - 1e-9).all()
     assert abs(p.memory[0]) < weak.inverter.vdc
     # the same drive recovers when less is asked for
     scenario = replace(scenario, psi_ref=np.where(np.arange(2000) < 500, 0.9, 0.4),
                        torque_ref=np.where(np.arange(2000) < 500, 14.0, 2.0))  # fmt: skip
-    run = sequence_loop.simulate(weak, scenario, controller=(foc.decide, foc.parameters(weak)))
+    run = closed_loop.simulate(
+        weak, scenario, controller=(foc.decide, foc.parameters(weak)), inside=True
+    )
     assert run.saturated[300:500].all()
     assert not run.saturated[-500:].any()
     assert run.torque_inside[-20_000:].mean() == pytest.approx(2.0, abs=0.05)
@@ -187,7 +189,9 @@ def test_limits_of_current_and_torque_are_flagged() -> None:
 def test_a_machine_without_flux_is_magnetised() -> None:
     drive = drive_of()
     scenario = replace(constant(drive, 0.0, 0.0, 0.9, 3000), current=0j, flux=0j, omega_r=0.0)
-    run = sequence_loop.simulate(drive, scenario, controller=(foc.decide, foc.parameters(drive)))
+    run = closed_loop.simulate(
+        drive, scenario, controller=(foc.decide, foc.parameters(drive)), inside=True
+    )
     assert run.flux[-100:].mean() == pytest.approx(0.9, abs=0.01)
     assert np.abs(run.torque_inside).max() < 1.0
     assert np.abs(run.current_inside).max() <= drive.control.current_max

@@ -22,7 +22,7 @@ import pytest
 from directmpc import IdealController, MptcErrors, load_drive, simulate
 from directmpc.api.drive_file import load_mptc_drive
 from directmpc.api.simulation import MPTC_FACTORS
-from directmpc.mptc import bit_true, closed_loop, sequence_loop
+from directmpc.mptc import bit_true, closed_loop
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc import errors as e
 from directmpc.mptc.drive import SEQUENCE_METHODS, SINGLE_METHODS, MptcDrive
@@ -283,8 +283,8 @@ def test_both_ways_of_running_a_loop_agree(drive: MptcDrive, method: str) -> Non
     scenario = closed_loop.constant(given, 600.0, 7.0, 0.9, 120)
     own = IdealController(given)
     if given.control.sequences:
-        one = sequence_loop.simulate(given, scenario, engine="ideal", errors=ALL)
-        two = sequence_loop.drive_controller(given, own, scenario, errors=ALL)
+        one = closed_loop.simulate(given, scenario, engine="ideal", errors=ALL, inside=True)
+        two = closed_loop.drive_controller(given, own, scenario, errors=ALL)
         np.testing.assert_allclose(one.current_inside, two.current_inside, rtol=1e-12)
         current = one.current_inside[:: len(one.current_inside) // 120]
     else:

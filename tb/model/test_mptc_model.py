@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from directmpc import motulator
 from directmpc.mptc import bit_true, closed_loop, ideal, observer
 from directmpc.mptc import formats as f
 from directmpc.mptc.closed_loop import RPM, Scenario
@@ -36,7 +37,6 @@ from directmpc.mptc.trace import (
     write_decisions,
     write_trace,
 )
-from scripts.studies import motulator_plant
 from tb.helpers import mptc_rows as core
 
 POINTS = [(rpm, load) for rpm in (150.0, 900.0, 1500.0) for load in (0.0, 14.0)]
@@ -336,7 +336,7 @@ def test_our_plant_is_motulators(form: str | None) -> None:
     drive = drive if form is None else in_form(drive, form)
     scenario = closed_loop.constant(drive, 900.0, 7.0, 0.95, 400)
     ours = closed_loop.simulate(drive, scenario)
-    theirs = motulator_plant.simulate(drive, scenario)
+    theirs = motulator.simulate(drive, scenario)
     np.testing.assert_array_equal(ours.u, theirs.u)
     assert np.abs(ours.trace.i_s - theirs.trace.i_s).max() < 1e-6
     assert np.abs(ours.trace.psi_s - theirs.trace.psi_s).max() < 1e-8
@@ -354,7 +354,7 @@ def test_our_shaft_is_motulators() -> None:
         omega_r=300.0 * RPM * 2,
     )
     ours = closed_loop.simulate(drive, scenario, plant=plant_parameters(drive, inertia=0.015))
-    theirs = motulator_plant.simulate(drive, scenario, inertia=0.015)
+    theirs = motulator.simulate(drive, scenario, inertia=0.015)
     same = int(np.argmax(np.append(ours.u != theirs.u, True)))
     assert same >= 100
     # ours takes the speed as constant over a step, and the mean of two torques for the step's

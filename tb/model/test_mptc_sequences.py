@@ -31,11 +31,10 @@ from directmpc.mptc import (
     cycles,
     ideal,
     ideal_sequences,
-    sequence_loop,
 )
 from directmpc.mptc import bit_true_hexagon as hexagon
 from directmpc.mptc import formats as f
-from directmpc.mptc.closed_loop import RPM
+from directmpc.mptc.closed_loop import RPM, Run
 from directmpc.mptc.coefficients import words
 from directmpc.mptc.drive import SEQUENCE_METHODS, MptcDrive
 from directmpc.mptc.inverter import COMMUTATIONS, UNIT, ZERO_FROM
@@ -335,7 +334,7 @@ def test_the_largest_duty_is_the_whole_period() -> None:
 # --- closed loops ---------------------------------------------------------------------------------
 
 
-def low_speed(drive: MptcDrive, seconds: float) -> sequence_loop.SequenceRun:
+def low_speed(drive: MptcDrive, seconds: float) -> Run:
     """150 r/min without load behind a speed PI, 0.986 Wb."""
     steps = round(seconds / drive.control.ts)
     scenario = replace(
@@ -343,7 +342,7 @@ def low_speed(drive: MptcDrive, seconds: float) -> sequence_loop.SequenceRun:
         speed_ref=np.full(steps, 150.0 * RPM),
     )
     plant = plant_parameters(drive, 0.015)
-    return sequence_loop.simulate(drive, scenario, engine="ideal", plant=plant)
+    return closed_loop.simulate(drive, scenario, engine="ideal", plant=plant, inside=True)
 
 
 def loaded(method: str, rpm: float) -> dict[str, float]:
@@ -353,7 +352,7 @@ def loaded(method: str, rpm: float) -> dict[str, float]:
     scenario = closed_loop.constant(drive, rpm, 14.0, 0.9, steps)
     scenario = replace(scenario, speed_ref=np.full(steps, rpm * RPM))
     plant = plant_parameters(drive, 0.015)
-    return sequence_loop.simulate(drive, scenario, engine="ideal", plant=plant).figures()
+    return closed_loop.simulate(drive, scenario, engine="ideal", plant=plant, inside=True).figures()
 
 
 def test_distortion_at_low_speed_is_as_published() -> None:
@@ -519,7 +518,9 @@ def test_twin_decides_as_ideal(
     name, rpm, load, flux = point
     ts = 50e-6 if method == "MPTC1" else 100e-6
     drive = core.shipped(name).with_control(method=method, duty_rule=rule, ts=ts)
-    run = sequence_loop.simulate(drive, closed_loop.constant(drive, rpm, load, flux, 4000))
+    run = closed_loop.simulate(
+        drive, closed_loop.constant(drive, rpm, load, flux, 4000), inside=True
+    )
     assert run.saturated.sum() == 0
     assert abs(run.flux[400:].mean() - flux) < 0.03
     named, same = alike(run.decided, run.wanted)

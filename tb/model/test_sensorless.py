@@ -22,8 +22,8 @@ import pytest
 from directmpc import MptcState, VectorSequence, load_drive, simulate
 from directmpc.api.controllers import make_controller
 from directmpc.mac_program import SUM_LATENCY
+from directmpc.mptc import closed_loop, sensorless, speed_observer
 from directmpc.mptc import formats as f
-from directmpc.mptc import sensorless, sequence_loop, speed_observer
 from directmpc.mptc.closed_loop import RPM, constant
 from directmpc.mptc.inverter import UNIT
 from directmpc.mptc.plant import plant_parameters
@@ -64,7 +64,7 @@ def test_the_speed_follows_from_error_and_rotor_flux(drive) -> None:
 def test_estimates_that_begin_far_off_converge(drive, rpm: float) -> None:
     # beside a controller that has a sensor; the observer begins at standstill with half of the flux
     scenario = constant(drive, rpm, math.copysign(7.0, rpm), 0.9, 12_000)
-    run = sequence_loop.simulate(drive, scenario, engine="ideal")
+    run = closed_loop.simulate(drive, scenario, engine="ideal", inside=True)
     observer = speed_observer.speed_observer(drive, None, 0j, 0.5 * scenario.flux, 0.0)
     vectors, times = run.trace.sequences()
     current, flux = (x @ np.array([1.0, 1.0j]) for x in (run.trace.i_s, run.trace.psi_s))
@@ -136,9 +136,11 @@ def test_stepping_is_the_compiled_loop(drive, engine: str) -> None:
     observed = SensorlessController(drive, make_controller(drive, engine), engine=engine)
     observed.begin(scenario.current, scenario.flux, scenario.omega_r)
     plant = plant_parameters(drive)
-    result = sequence_loop.drive_controller(drive, observed, scenario, plant=plant)
+    result = closed_loop.drive_controller(drive, observed, scenario, plant=plant)
     assert result.torque == pytest.approx(made.torque, abs=1e-9)
-    assert [omega for _, omega in observed.seen] == pytest.approx(list(made.estimate), abs=1e-6)
+    assert [omega for _, omega in observed.seen] == pytest.approx(
+        list(made.trace.omega_r), abs=1e-6
+    )
 
 
 def test_flux_and_speed_that_are_shown_do_not_count(drive) -> None:
@@ -161,11 +163,11 @@ def test_measurements_are_rounded_and_noisy(drive) -> None:
     spread = []
     for errors in (CurrentErrors(0.0, 6), CurrentErrors(0.0, 12), CurrentErrors(0.07, 12)):
         made = sensorless.simulate(drive, scenario, errors=errors)
-        spread.append(float((made.estimate - exact.estimate)[500:].std()))
+        spread.append(float((made.trace.omega_r - exact.trace.omega_r)[500:].std()))
     assert spread[1] < 0.3 * spread[0]
     assert spread[1] < 0.3 * spread[2]
     again = sensorless.simulate(drive, scenario, errors=CurrentErrors(0.07, 12, seed=2))
-    assert not np.array_equal(again.estimate, made.estimate)
+    assert not np.array_equal(again.trace.omega_r, made.trace.omega_r)
 
 
 def test_what_cannot_be_is_refused(drive) -> None:

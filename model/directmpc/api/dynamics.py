@@ -1,10 +1,10 @@
-"""Closed loops with a speed controller: starts, reversals and load steps.
+"""Closed loops with an outer loop: magnetising, starts, reversals and load steps.
 
-The rotor is a mass on which the torque and the load act. A PI controller with anti-windup makes the
-torque reference of the error of the speed. For MPTC and MPFC that is all. A five-level drive gets a
-current reference in the coordinates of the flux: one part makes the flux, the other the torque, and
-above rated speed the flux falls as 1/speed. Until a machine at standstill has its flux the torque
-waits.
+The rotor is a mass on which torque, load and friction act. A PI controller with anti-windup makes
+the torque reference of the error of the speed. MPTC and MPFC take it with a reference of the stator
+flux. A five-level drive gets a current reference in the coordinates of its flux: one part makes the
+flux, the other the torque. In both the flux falls as 1/speed where the dc link carries no more, the
+references stay within a current, and the torque waits until a machine has its flux.
 """
 
 from __future__ import annotations
@@ -18,27 +18,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.loads.load import Load
-from directmpc.mpdcc.closed_loop import nearest_positions
+from directmpc.drive_tables import allowed
+from directmpc.loads.load import SteadyState
+from directmpc.mpdcc import closed_loop as mpdcc_loop
 from directmpc.mpdcc.drive import FiveLevelDrive
-from directmpc.mpdcc.plant import STATES, Plant
-from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mptc import closed_loop as mptc_loop
-from directmpc.mptc import sequence_loop
+from directmpc.mptc.closed_loop import MAGNETISED, limits_of
 from directmpc.mptc.drive import MptcDrive
-from directmpc.mptc.plant import plant_parameters, slip, steady_state
-from directmpc.states import Controller, MpdccState, mpdcc_decision
+from directmpc.mptc.plant import slip, steady_state
+from directmpc.speed_control import speed_pi
 
 FloatArray = NDArray[np.float64]
 
 BANDWIDTH = 60.0
 """Of the speed controller, rad/s."""
 
+WEIGHT = 0.5
+"""Of the reference in the proportional part: with it the speed follows a step without overshoot."""
+
 CURRENT_LIMIT = 1.2
 """Of the current reference of a five-level drive, per unit."""
 
-MAGNETISED = 0.9
-"""Share of the flux reference from which on a machine makes torque."""
+CURRENT_SHARE = 0.6
+"""Of a two-level drive's `guard.current_limit`, or its `current_max`: largest current asked for."""
 
 
 @dataclass(frozen=True)
@@ -101,200 +103,116 @@ class Course:
         return found[0], found[1]
 
 
-@dataclass
-class SpeedController:
-    """PI controller of the speed; its integral stands still while the torque is limited.
-
-    Half of the reference counts in the proportional part. With an integral gain of a quarter of
-    the bandwidth the speed then follows a step without overshoot.
-
-    Attributes
-    ----------
-    proportional, integral
-        Gains: torque per speed, torque per speed and step.
-    total
-        State of the integral.
-    """
-
-    proportional: float
-    integral: float
-    total: float = 0.0
-
-    def step(self, wanted: float, speed: float, limit: float) -> float:
-        """Torque reference of one step.
-
-        Parameters
-        ----------
-        wanted, speed : float
-            Speed reference and speed.
-        limit : float
-            Largest torque.
-
-        Returns
-        -------
-        float
-            From -limit to limit.
-        """
-        direct = self.proportional * (0.5 * wanted - speed)
-        if abs(direct + self.total) < limit:
-            self.total += self.integral * (wanted - speed)
-        return min(max(direct + self.total, -limit), limit)
-
-
-def reference(
-    load: Load,
-    speed: SpeedController,
-    psi_ref: float,
-    flux: complex,
-    wanted: float,
-    omega_r: float,
-) -> tuple[complex, float]:
-    """Current reference and slip of a five-level drive in one step, per unit.
-
-    Parameters
-    ----------
-    load : Load
-        A machine.
-    speed : SpeedController
-        Moved on by a step once there is flux.
-    psi_ref : float
-        Flux reference.
-    flux : complex
-        Flux.
-    wanted, omega_r : float
-        Speed reference and speed.
-
-    Returns
-    -------
-    current : complex
-        alpha + j*beta.
-    slip : float
-        Frequency of the current less speed.
-    """
-    a0, psi = load.matrices.a0, abs(flux)
-    excited = a0[1, 0] > 0.0
-    along = 0.0
-    if excited:
-        per_flux = -a0[1, 1] / a0[1, 0]
-        along = per_flux * (psi_ref + 10.0 * (psi_ref - psi))
-        along = min(max(along, 0.0), 0.95 * CURRENT_LIMIT)
-    across = 0.0
-    if not excited or psi >= MAGNETISED * psi_ref:
-        gain = load.coupling * psi
-        limit = gain * math.sqrt(CURRENT_LIMIT**2 - along**2)
-        across = speed.step(wanted, omega_r, limit) / gain
-    turn = cmath.exp(1j * cmath.phase(flux))
-    return complex(along, across) * turn, float(a0[1, 0]) * across / psi if across else 0.0
-
-
-def run_five_level(
-    drive: FiveLevelDrive, controller: Controller, course: Course, steps: int, real: FiveLevelDrive
-) -> dict[str, Any]:
-    """Run a five-level drive with a speed controller.
+class FieldOrientation:
+    """Outer loop of a five-level drive: references of every step, and the speed of the rotor.
 
     Parameters
     ----------
     drive : FiveLevelDrive
-        What controller and outer loop are set up for.
-    controller : Controller
-        Asked once a step.
+        What it is set up for.
     course : Course
         Speed, load, inertia.
     steps : int
         Control steps.
-    real : FiveLevelDrive
-        Whose machine and inverter the plant has.
 
-    Returns
-    -------
-    dict
-        Fields of a `SimulationResult`.
-
-    Raises
-    ------
-    ValueError
-        If the load is no machine.
+    Attributes
+    ----------
+    profile : Profile
+        Filled step by step: current reference, stator frequency, speed.
     """
-    load, ts = drive.machine, drive.control.ts
-    speeds, loads = course.over(ts, steps)
-    psi_rated = abs(load.steady_state(1.0).psi_r) if course.flux is None else course.flux
-    gain = 2.0 * course.inertia * BANDWIDTH
-    speed = SpeedController(gain, 0.25 * BANDWIDTH * gain * ts)
-    plant = Plant(real.changed(control={"ts": ts}), float(speeds[0]), drive.inverter.vdc)
-    applied = nearest_positions(plant.leg, 0j, drive.inverter.vdc)
-    if course.standstill:
-        plant.omega_r = 0.0
-        if load.matrices.a0[1, 0] == 0.0:  # magnets have their flux at standstill
-            plant.state[2] = psi_rated
-    else:
-        asked = {"flux": psi_rated} if "flux" in load.quantities else {}
-        slip_ = 1.0 - load.steady_state(1.0, torque=float(loads[0]), **asked).omega_r
-        at = load.steady_state(float(speeds[0]) + slip_, torque=float(loads[0]), **asked)
-        plant.state[:4] = at.i_s.real, at.i_s.imag, at.psi_r.real, at.psi_r.imag
-        speed.total = float(loads[0] + course.friction * speeds[0]) + 0.5 * gain * float(speeds[0])
-        applied = nearest_positions(plant.leg, at.v_s, drive.inverter.vdc)
-    states, torques = np.empty((steps, STATES)), np.empty(steps)
-    omega_s, omega_r = np.empty(steps), np.empty(steps)
-    iref, before = np.empty((steps, 2)), np.empty((steps, 3), np.int64)
-    out, used = np.zeros((steps, 7), np.int64), np.empty((steps, 3), np.int64)
-    decided = applied
-    for k in range(steps):
-        states[k], omega_r[k] = plant.state, plant.omega_r
-        current, flux = complex(*plant.state[:2]), complex(*plant.state[2:4])
-        psi_ref = psi_rated / max(1.0, abs(plant.omega_r))
-        wanted, slipping = reference(load, speed, psi_ref, flux, speeds[k], plant.omega_r)
-        iref[k], omega_s[k] = (wanted.real, wanted.imag), plant.omega_r + slipping
-        before[k] = decided if drive.control.delay_compensation else applied
-        seen = MpdccState(
-            current=current, flux=flux, v_n=plant.state[4], v_ph=tuple(plant.state[5:]),
-            current_ref=wanted, omega_s=omega_s[k], omega_r=plant.omega_r,
-            applied=tuple(before[k]), vdc=plant.vdc,
-        )  # fmt: skip
-        decision = mpdcc_decision(controller.decide(seen), k)
-        out[k] = (
-            *decision.apply, decision.held, decision.deadlock, decision.length, decision.saturated,
-        )  # fmt: skip
-        decided = out[k, :3]
-        applied = before[k] if drive.control.delay_compensation else decided
-        used[k] = applied
-        torques[k] = real.machine.torque(current, flux)
-        plant.step(applied)
-        opposing = loads[k] + course.friction * plant.omega_r
-        plant.omega_r += ts * (torques[k] - opposing) / (2.0 * course.inertia)
-    return {
-        "time": ts * np.arange(steps), "current": states[:, 0] + 1j * states[:, 1],
-        "flux": states[:, 2] + 1j * states[:, 3], "torque": torques, "omega_r": omega_r,
-        "applied": used, "speed": float(omega_s[-1]), "decisions": Decisions.of_words(out),
-        "trace": MpdccTrace(
-            x_m=states[:, :4].copy(), x_inv=states[:, 4:].copy(),
-            vdc=np.full(steps, plant.vdc), iref=iref, omega_s=omega_s, omega_r=omega_r,
-            s_prev=before,
-        ),
-    }  # fmt: skip
+
+    def __init__(self, drive: FiveLevelDrive, course: Course, steps: int) -> None:
+        self._load, self._ts, self._course = drive.machine, drive.control.ts, course
+        self._speeds, self._loads = course.over(self._ts, steps)
+        self._matrices = drive.machine.matrices
+        self._excited = self._matrices.a0[1, 0] > 0.0  # else magnets make the flux
+        self._flux = abs(self._load.steady_state(1.0).psi_r) if course.flux is None else course.flux
+        self._gain = 2.0 * course.inertia * BANDWIDTH
+        self._total, self._magnetised = 0.0, not self._excited
+        first = 0.0 if course.standstill else float(self._speeds[0])
+        at = SteadyState(0.0, 0.0, 0j, 0j if self._excited else complex(self._flux), 0j, 0.0)
+        if not course.standstill:
+            held = float(self._loads[0]) + course.friction * first
+            asked = {"flux": self._flux} if "flux" in self._load.quantities else {}
+            slipping = 1.0 - self._load.steady_state(1.0, torque=held, **asked).omega_r
+            at = self._load.steady_state(first + slipping, torque=held, **asked)
+            self._total = held + (1.0 - WEIGHT) * self._gain * first
+        self.profile = mpdcc_loop.Profile(
+            start=at,
+            omega_s=np.zeros(steps),
+            omega_r=np.full(steps, first),
+            vdc=np.full(steps, float(drive.inverter.vdc)),
+            iref=np.full(steps, at.i_s),
+        )
+
+    def ask(self, k: int, seen: FloatArray) -> None:
+        """Fill in the current reference and the stator frequency of a step.
+
+        Parameters
+        ----------
+        k : int
+            Step.
+        seen : ndarray of float64, shape (8,)
+            What the controller sees: current and flux, alpha and beta each, and the rest.
+        """
+        a0, flux = self._matrices.a0, complex(*seen[2:4])
+        psi, omega_r = abs(flux), float(self.profile.omega_r[k])
+        psi_ref = self._flux / max(1.0, abs(omega_r))
+        along = across = 0.0
+        if self._excited:
+            per_flux = -a0[1, 1] / a0[1, 0]
+            along = per_flux * (psi_ref + 10.0 * (psi_ref - psi))
+            along = min(max(along, 0.0), 0.95 * CURRENT_LIMIT)
+        self._magnetised = self._magnetised or psi >= MAGNETISED * psi_ref
+        if self._magnetised:
+            gain = self._load.coupling * psi
+            limit = gain * math.sqrt(CURRENT_LIMIT**2 - along**2)
+            torque, self._total = speed_pi(
+                self._gain, 0.25 * BANDWIDTH * self._gain, WEIGHT, self._ts, self._total,
+                float(self._speeds[k]), omega_r, limit,
+            )  # fmt: skip
+            across = torque / gain
+        slipping = float(a0[1, 0]) * across / psi if across else 0.0
+        self.profile.iref[k] = complex(along, across) * cmath.exp(1j * cmath.phase(flux))
+        self.profile.omega_s[k] = omega_r + slipping
+
+    def turn(self, k: int, torque: float) -> None:
+        """Let the torque of a step act on the rotor.
+
+        Parameters
+        ----------
+        k : int
+            Step.
+        torque : float
+            Of the plant, per unit.
+        """
+        if k + 1 < len(self.profile):
+            omega_r = self.profile.omega_r[k]
+            free = torque - self._loads[k] - self._course.friction * omega_r
+            self.profile.omega_r[k + 1] = omega_r + self._ts * free / (2.0 * self._course.inertia)
 
 
-def run_two_level(
-    drive: MptcDrive, engine: str, course: Course, steps: int, real: MptcDrive
-) -> mptc_loop.Run | sequence_loop.SequenceRun:
-    """Run a two-level drive with a speed controller.
+def scenario_of(drive: MptcDrive, course: Course, steps: int) -> mptc_loop.Scenario:
+    """A two-level drive's course with its outer loop.
 
     Parameters
     ----------
     drive : MptcDrive
-        What controller and speed controller are set up for.
-    engine : str
-        "ideal" or "model".
+        What the outer loop is set up for.
     course : Course
         Speed, load, inertia.
     steps : int
         Control steps.
-    real : MptcDrive
-        Whose machine the plant has.
 
     Returns
     -------
-    Run or SequenceRun
-        As the drive's method makes it.
+    Scenario
+        With a speed controller, field weakening and limits.
+
+    Raises
+    ------
+    ValueError
+        If the load is beyond breakdown in a steady start.
     """
     c, pole_pairs = drive.control, drive.machine.pole_pairs
     speeds, loads = course.over(c.ts, steps)
@@ -302,14 +220,93 @@ def run_two_level(
     gain = course.inertia * BANDWIDTH
     begin: dict[str, Any] = {}
     if not course.standstill:
-        slip(drive, float(loads[0]), psi)  # refuses what is beyond breakdown
-        current, flux = steady_state(drive, 0.0, float(loads[0]), psi)
-        begin = {"current": current, "flux": flux, "omega_r": float(speeds[0])}
-    scenario = mptc_loop.Scenario(
-        torque_ref=np.full(steps, 0.0 if course.standstill else float(loads[0])),
-        psi_ref=np.full(steps, psi), load=loads, speed_ref=speeds / pole_pairs,
-        gains=(gain, 0.25 * BANDWIDTH * gain, c.torque_max), **begin,
+        first = float(speeds[0]) / pole_pairs
+        held = float(loads[0]) + course.friction * first
+        slip(drive, held, psi)  # refuses what is beyond breakdown
+        current, flux = steady_state(drive, 0.0, held, psi)
+        total = held + (1.0 - WEIGHT) * gain * first
+        begin = {"current": current, "flux": flux, "omega_r": float(speeds[0]), "integral": total}
+    largest = drive.guard.current_limit or c.current_max
+    return mptc_loop.Scenario(
+        torque_ref=np.zeros(steps), psi_ref=np.full(steps, psi), load=loads,
+        speed_ref=speeds / pole_pairs, gains=(gain, 0.25 * BANDWIDTH * gain, c.torque_max),
+        weight=WEIGHT, limits=limits_of(drive, CURRENT_SHARE * largest), **begin,
     )  # fmt: skip
-    plant = plant_parameters(real, inertia=course.inertia, friction=course.friction)
-    loop = sequence_loop if c.sequences else mptc_loop
-    return loop.simulate(drive, scenario, engine=engine, plant=plant)
+
+
+SCENARIOS = ("start", "reversal", "load-step")
+"""Names that `scenario` knows."""
+
+SETTLED = 0.2
+"""What a run goes on after its last ramp, s: the speed controller needs it."""
+
+FIRST = 0.05
+"""When a reversal or a load step begins, s."""
+
+
+def scenario(
+    drive: FiveLevelDrive | MptcDrive,
+    name: str,
+    speed: float | None = None,
+    inertia: float | None = None,
+) -> dict[str, Any]:
+    """What `simulate` is asked for in one of `SCENARIOS`.
+
+    "start": from standstill without flux to the speed. "reversal": from the speed to its negative.
+    "load-step": half of the rated torque, or a quarter of `torque_max`, comes and goes.
+
+    Parameters
+    ----------
+    drive : FiveLevelDrive or MptcDrive
+        Of a machine; its limits decide how long it takes.
+    name : str
+        One of `SCENARIOS`.
+    speed : float, optional
+        Electrical speed, pu or rad/s; 0.5 pu, or 0.4 of `speed_max`, if not given.
+    inertia : float, optional
+        As of `simulate`; the drive file's if not given.
+
+    Returns
+    -------
+    dict
+        Keyword arguments of `simulate`.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scenario, or neither an inertia.
+    """
+    if name not in SCENARIOS:
+        raise ValueError(f"scenario: got {name!r:.40}; it must be {', '.join(SCENARIOS)}")
+    inertia = drive.mechanics.inertia if inertia is None else inertia
+    if inertia is None:
+        words = allowed(type(drive.mechanics), "inertia")
+        raise ValueError(f"mechanics.inertia: missing; it must be {words}")
+    if isinstance(drive, MptcDrive):
+        c, m = drive.control, drive.machine
+        speed = 0.4 * c.speed_max if speed is None else speed
+        flux = 0.75 * c.psi_max
+        torque, load, turning = c.torque_max, 0.25 * c.torque_max, inertia / m.pole_pairs
+        limits = limits_of(drive, CURRENT_SHARE * (drive.guard.current_limit or c.current_max))
+        tau, made = m.lr / m.rr, limits.magnetising * limits.current / flux
+    else:
+        load_, speed = drive.machine, 0.5 if speed is None else speed
+        torque, load, turning, flux = 1.0, 0.5, 2.0 * inertia, None
+        a0 = load_.matrices.a0
+        excited = a0[1, 0] > 0.0
+        tau = 1.0 / -a0[1, 1] * drive.control.ts / drive.ts_pu if excited else 0.0
+        rated = abs(load_.steady_state(1.0).psi_r)
+        made = 0.95 * CURRENT_LIMIT * a0[1, 0] / -a0[1, 1] / rated if excited else 2.0
+    ramp = turning * abs(speed) / torque
+    if name == "start":
+        # the flux rises towards what the largest current makes
+        ramp += tau * math.log(made / (made - MAGNETISED)) if made > MAGNETISED else 3.0 * tau
+        asked: dict[str, Any] = {"speed": speed, "load": 0.0, "start": "standstill"}
+    elif name == "reversal":
+        ramp = FIRST + 2.0 * ramp
+        asked = {"speed": lambda t: speed if t < FIRST else -speed, "load": 0.0}
+    else:
+        ramp = FIRST + SETTLED
+        asked = {"speed": speed, "load": lambda t: load if FIRST <= t < FIRST + SETTLED else 0.0}
+    steps = math.ceil((ramp + SETTLED) / drive.control.ts)
+    return asked | {"steps": steps, "inertia": inertia} | ({"flux": flux} if flux else {})

@@ -5,10 +5,9 @@ from __future__ import annotations
 import cmath
 import functools
 import math
-import os
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,8 +22,8 @@ from directmpc.api.controllers import (
     make_controller,
     served_by,
 )
-from directmpc.api.dynamics import Course, run_five_level, run_two_level
-from directmpc.distortion import thd
+from directmpc.api.dynamics import Course, FieldOrientation, scenario_of
+from directmpc.api.result import SimulationResult
 from directmpc.drive_tables import DriveError
 from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import closed_loop as mpdcc_loop
@@ -37,14 +36,13 @@ from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.variants import DEFAULT_VARIANT
 from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc import errors as mptc_errors
-from directmpc.mptc import sequence_loop
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.errors import MptcErrors
-from directmpc.mptc.plant import plant_parameters, slip
+from directmpc.mptc.plant import PlantParameters, plant_parameters, slip
 from directmpc.mptc.sensorless import SensorlessController
-from directmpc.mptc.sequence_loop import SequenceRun
-from directmpc.states import Controller, Decision, MpdccState, State, VectorSequence
+from directmpc.mptc.sensorless import simulate as simulate_sensorless
+from directmpc.states import Controller, Decision, MpdccState, State
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -58,170 +56,6 @@ COMPILED_FROM = 10_000
 
 The compilation takes seconds in every process; shorter loops are through before it is.
 """
-
-
-@dataclass(frozen=True)
-class SimulationResult:
-    """A recorded closed loop; every array has one row per control step.
-
-    Units are those of the drive file: per unit for MPDCC, SI for MPTC (A, Wb, N*m, rad/s).
-
-    Attributes
-    ----------
-    drive
-        What the controller was set up for.
-    controller : str
-        "ideal", "model", "rtl", or the name of the class of an own one.
-    speed : float
-        Stator angular frequency, pu or rad/s.
-    time : (n,)
-        s.
-    current : (n,) complex
-        Stator current, alpha + j*beta.
-    flux : (n,) complex
-        MPDCC: rotor flux linkage; MPTC: stator flux linkage.
-    torque : (n,)
-        Electromagnetic torque.
-    omega_r : (n,)
-        Electrical rotor speed.
-    applied : (n, 3), (n,) or (n, 5)
-        Switch positions, the voltage vector's number, or u1, u2, u3, t1, t2, during each step.
-    trace : MpdccTrace or MptcTrace
-        What the controller saw.
-    decisions : Decisions or MptcDecisions
-        What it decided on it.
-    current_inside : (n * m,) complex, or None
-        Methods of two and three vectors: stator current at m equal distances in every step.
-    """
-
-    drive: Drive | KbestDrive | MptcDrive
-    controller: str
-    speed: float
-    time: FloatArray
-    current: ComplexArray
-    flux: ComplexArray
-    torque: FloatArray
-    omega_r: FloatArray
-    applied: IntArray | FloatArray
-    trace: trace.MpdccTrace | mptc_trace.MptcTrace
-    decisions: trace.Decisions | mptc_trace.MptcDecisions
-    current_inside: ComplexArray | None = None
-
-    def __len__(self) -> int:
-        return len(self.time)
-
-    @property
-    def power(self) -> FloatArray:
-        """Active power: on the shaft of a machine, into a grid, or of a resistance.
-
-        Returns
-        -------
-        ndarray of float64, shape (n,)
-            pu, or W for MPTC.
-        """
-        if isinstance(self.drive, FiveLevelDrive):
-            return self.drive.machine.power(self.current, self.flux, self.omega_r)
-        return self.torque * self.omega_r / self.drive.machine.pole_pairs
-
-    @property
-    def phase_currents(self) -> FloatArray:
-        """Currents of the phases a, b, c (inverse Clarke transformation; Paper A, eq. 1).
-
-        Returns
-        -------
-        ndarray of float64, shape (n, 3)
-            In the unit of `current`.
-        """
-        return _phases(self.current)
-
-    def thd(self) -> float:
-        """Total harmonic distortion of the phase currents, a ratio, rms of the three phases.
-
-        Sampled once a step; with `current_inside` at all of its samples.
-
-        Returns
-        -------
-        float
-            A ratio: 0.05 is 5 %.
-
-        Raises
-        ------
-        ValueError
-            If the run does not cover one period of the stator frequency.
-        """
-        ts = self.drive.ts_pu if isinstance(self.drive, FiveLevelDrive) else self.drive.control.ts
-        samples = self.phase_currents
-        if self.current_inside is not None:
-            ts *= len(self) / len(self.current_inside)
-            samples = _phases(self.current_inside)
-        found = thd(samples, self.speed, ts)
-        return float(np.sqrt(np.mean(found**2)))
-
-    def table(self) -> dict[str, NDArray[Any]]:
-        """Columns by name, each of shape (n,): time, the trace's, torque, then the decision's.
-
-        The decision's columns begin with `next_`. ``pandas.DataFrame(result.table())`` takes it.
-
-        Returns
-        -------
-        dict of str to ndarray, shape (n,)
-            In the units of the drive file, `time` in s.
-        """
-        t, d = self.trace, self.decisions
-        columns: dict[str, NDArray[Any]] = {"time": self.time}
-        if isinstance(t, trace.MpdccTrace) and isinstance(d, trace.Decisions):
-            names = ("is_alpha", "is_beta", "psir_alpha", "psir_beta")
-            columns |= dict(zip(names, t.x_m.T, strict=True))
-            names = ("v_n", "v_ph_a", "v_ph_b", "v_ph_c")
-            columns |= dict(zip(names, t.x_inv.T, strict=True))
-            columns |= {"iref_alpha": t.iref[:, 0], "iref_beta": t.iref[:, 1], "v_dc": t.vdc}
-            columns |= {"omega_s": t.omega_s, "omega_r": t.omega_r}
-            columns |= {f"s_{x}": t.s_prev[:, i] for i, x in enumerate("abc")}
-            columns["torque"] = self.torque
-            columns |= {f"next_s_{x}": d.s[:, i] for i, x in enumerate("abc")}
-            columns |= {"next_held": d.held, "next_deadlock": d.deadlock, "next_length": d.length}
-        elif isinstance(t, mptc_trace.MptcTrace) and isinstance(d, mptc_trace.MptcDecisions):
-            columns |= {"is_alpha": t.i_s[:, 0], "is_beta": t.i_s[:, 1]}
-            columns |= {"psis_alpha": t.psi_s[:, 0], "psis_beta": t.psi_s[:, 1]}
-            columns |= {"omega_r": t.omega_r, "torque_ref": t.torque_ref, "psi_ref": t.psi_ref}
-            columns |= {"u": t.u}
-            if t.vectors is not None and t.times is not None:
-                columns |= _sequence_columns("", t.vectors, t.times)
-            columns |= {"torque": self.torque, "next_u": d.u}
-            if d.vectors is not None and d.times is not None:
-                columns |= _sequence_columns("next_", d.vectors, d.times)
-        columns["next_saturated"] = d.saturated
-        return columns
-
-    def write_trace(self, path: str | os.PathLike[str]) -> None:
-        """Write what the controller saw as a trace file that `make replay` takes.
-
-        Parameters
-        ----------
-        path : str or path
-            File to write or to replace.
-
-        Raises
-        ------
-        TraceError
-            If the file cannot be written; nothing is left behind then.
-        """
-        if isinstance(self.trace, trace.MpdccTrace):
-            trace.write_trace(path, self.trace)
-        else:
-            mptc_trace.write_trace(path, self.trace)
-
-
-def _phases(current: ComplexArray) -> FloatArray:
-    """Currents of the phases a, b, c, shape (n, 3)."""
-    turns = np.exp(-2j * np.pi / 3 * np.arange(3))
-    return np.real(current[:, None] * turns)
-
-
-def _sequence_columns(prefix: str, vectors: IntArray, times: FloatArray) -> dict[str, NDArray[Any]]:
-    """Columns u1, u2, u3, t1, t2."""
-    columns = [*vectors.T, *times.T]
-    return {f"{prefix}{n}": c for n, c in zip(VectorSequence._fields, columns, strict=True)}
 
 
 LEAST_FACTOR, MOST_FACTOR = 0.5, 1.5
@@ -520,17 +354,17 @@ def simulate(
     for name, value, least in (("steps", steps, 1), ("settle", settle, 0)):
         if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
             raise ValueError(f"{name}: got {value!r:.40}; an integer from {least} is needed")
+    course = None
     if inertia is not None or load is not None or callable(speed) or start != "steady":
         others = {
-            "torque": torque is not None, "power": power is not None, "settle": settle != 0,
-            "angle": angle != 0.0, "flux_observer": flux_observer, "sensorless": sensorless,
-            "errors": errors is not None,
+            "torque": torque is not None, "power": power is not None, "angle": angle != 0.0,
+            "settle": settle != 0,
         }  # fmt: skip
         for name, given_too in others.items():
             if given_too:
                 raise ValueError(f"{name}: given with inertia, load or start, which have none")
-        course = _course(drive, speed, load, start, inertia, flux)
-        return _with_speed_controller(drive, controller, course, steps, real, variant)
+        course = _course(drive, speed, load, start, inertia, flux, steps)
+        speed = flux = None
     numbers = {"speed": speed, "torque": torque, "flux": flux, "power": power, "angle": angle}
     for name, number in numbers.items():
         if number is not None and not _is_finite(number):
@@ -552,7 +386,26 @@ def simulate(
     estimate = isinstance(drive, FiveLevelDrive) and drive.control.leakage_estimate
     short = settle + steps < COMPILED_FROM and not estimate
     core: RtlController | None = None
-    if isinstance(controller, str) and (sensorless or short or controller == "rtl"):
+    asked: Any = course
+    if course is not None:
+        if estimate and controller == "model":
+            raise ValueError(
+                'control.leakage_estimate: got true; with a speed controller "rtl" alone has it'
+            )
+        if isinstance(drive, FiveLevelDrive):
+            short, asked = True, FieldOrientation(drive, course, steps)
+        else:
+            shaft = plant_parameters(real, course.inertia, friction=course.friction)
+            asked = scenario_of(drive, course, steps), shaft
+            if sensorless and engine not in ("ideal", "model"):
+                raise ValueError(
+                    f"controller: got {engine}; with sensorless and a speed controller it must be "
+                    '"ideal" or "model"'
+                )
+    observed = sensorless and course is None
+    if isinstance(controller, str) and (
+        observed or (short and not sensorless) or controller == "rtl"
+    ):
         controller = make_controller(drive, controller, variant)
     if isinstance(controller, RtlController):
         core = controller
@@ -573,9 +426,13 @@ def simulate(
         angle,
         real,
         variant,
+        asked,
     )
-    if said := unreached(result, torque):
+    if course is None and (said := unreached(result, torque)):
         warnings.warn(said, stacklevel=2)
+    if course is not None:
+        speeds, loads = course.over(drive.control.ts, steps)
+        result = replace(result, speed_ref=speeds, load=loads)
     if core is None:
         return result
     cycles = np.array(core.cycles[-steps:])
@@ -589,6 +446,7 @@ def _course(
     start: str,
     inertia: float | None,
     flux: float | None,
+    steps: int,
 ) -> Course:
     """What a run with a speed controller is asked for, checked."""
     if isinstance(drive, FiveLevelDrive) and "torque" not in drive.machine.quantities:
@@ -620,47 +478,16 @@ def _course(
                 f"{name}: got {value!r:.40}; a number or a function of the time is needed"
             )
     friction = drive.mechanics.friction
-    return Course(functions[0], functions[1], float(inertia), friction, flux, start == "standstill")
+    made = Course(functions[0], functions[1], float(inertia), friction, flux, start == "standstill")
+    highest = float(np.abs(made.over(drive.control.ts, steps)[0]).max())
+    most = drive.control.speed_max if isinstance(drive, MptcDrive) else drive.machine.speeds[1]
+    if highest > most:
+        raise ValueError(f"speed: gives {highest:g}; it must be from {-most:g} to {most:g}")
+    return made
 
 
 def _constant(value: float, time: float) -> float:
     return value
-
-
-def _with_speed_controller(
-    drive: Drive | KbestDrive | MptcDrive,
-    controller: str | Controller,
-    course: Course,
-    steps: int,
-    real: Any,
-    variant: str,
-) -> SimulationResult:
-    """`simulate` with a mass and a speed controller."""
-    speeds, _ = course.over(drive.control.ts, steps)
-    most = drive.control.speed_max if isinstance(drive, MptcDrive) else drive.machine.speeds[1]
-    if np.abs(speeds).max() > most:
-        raise ValueError(
-            f"speed: gives {np.abs(speeds).max():g}; it must be from {-most:g} to {most:g}"
-        )
-    engine = controller if isinstance(controller, str) else type(controller).__name__
-    if isinstance(drive, MptcDrive):
-        if not isinstance(controller, str) or controller == "rtl":
-            raise ValueError(
-                f'controller: got {engine}; with a speed controller of MPTC it must be "ideal" or '
-                '"model"'
-            )
-        run = run_two_level(drive, controller, course, steps, real)
-        omega_s = float(run.trace.omega_r[-1])
-        if isinstance(run, SequenceRun):
-            return _of_sequences(drive, engine, run, omega_s, 0)
-        return _of_mptc(drive, engine, run, omega_s, 0)
-    if isinstance(controller, str):
-        controller = make_controller(drive, controller, variant)
-    return SimulationResult(
-        drive=drive,
-        controller=engine,
-        **run_five_level(drive, controller, course, steps, real),
-    )
 
 
 def unreached(result: SimulationResult, torque: float | None) -> str:
@@ -756,14 +583,18 @@ def _run_mpdcc(
     angle: float,
     plant: Drive | KbestDrive,
     variant: str,
+    outer: FieldOrientation | None,
     errors: DriveErrors,
     flux_observer: bool,
 ) -> SimulationResult:
     """`simulate` for MPDCC, per unit."""
     omega_s = 1.0 if speed is None else float(speed)
-    point = OperatingPoint(omega_s, torque=torque, flux=flux)
-    check_point(drive, point)
-    profile = mpdcc_loop.constant_profile(drive, point, settle + steps, angle)
+    if outer is None:
+        point = OperatingPoint(omega_s, torque=torque, flux=flux)
+        check_point(drive, point)
+        profile = mpdcc_loop.constant_profile(drive, point, settle + steps, angle)
+    else:
+        profile = outer.profile
     delay = drive.control.delay_compensation
     if isinstance(controller, str):
         compiled = compiled_controller(drive, controller, variant)
@@ -777,8 +608,10 @@ def _run_mpdcc(
     else:
         run = mpdcc_loop.drive_controller(
             drive, controller, profile, steps, settle=settle, plant_drive=plant, delay=delay,
-            errors=errors, flux_observer=flux_observer,
+            errors=errors, flux_observer=flux_observer, outer=outer,
         )  # fmt: skip
+        if outer is not None:
+            omega_s = float(profile.omega_s[-1])
     return _of_mpdcc(drive, engine, run, omega_s, plant)
 
 
@@ -828,10 +661,19 @@ def _run_mptc(
     angle: float,
     plant: MptcDrive,
     variant: str,
+    turning: tuple[mptc_loop.Scenario, PlantParameters] | None,
     sensorless: bool,
     errors: MptcErrors,
 ) -> SimulationResult:
     """`simulate` for MPTC, SI."""
+    if turning is not None:
+        if sensorless:
+            run = simulate_sensorless(
+                drive, turning[0], engine=engine, plant=turning[1], errors=errors
+            )
+        else:
+            run = _of_loop(drive, controller, *turning, errors)
+        return _of_mptc(drive, engine, run, float(run.omega_r[-1]), 0)
     c = drive.control
     omega_s = 0.6 * c.speed_max if speed is None else float(speed)
     load = 0.25 * c.torque_max if torque is None else float(torque)
@@ -857,51 +699,49 @@ def _run_mptc(
         own = "model" if engine == "model" else "ideal"
         observed = controller = SensorlessController(drive, controller, engine=own)
         observed.begin(scenario.current, scenario.flux, scenario.omega_r)
-    if c.sequences:
-        result = _of_sequences(
-            drive,
-            engine,
-            sequence_loop.simulate(
-                drive, scenario, engine=controller, plant=parameters, errors=errors
-            )
-            if isinstance(controller, str)
-            else sequence_loop.drive_controller(
-                drive, controller, scenario, plant=parameters, errors=errors
-            ),
-            omega_s,
-            settle,
-        )
-        return _as_seen(result, observed, settle)
-    if isinstance(controller, str):
-        run = mptc_loop.simulate(
-            drive, scenario, engine=controller, plant=parameters, errors=errors
-        )
-    else:
-        run = mptc_loop.drive_controller(
-            drive, controller, scenario, plant=parameters, errors=errors
-        )
+    run = _of_loop(drive, controller, scenario, parameters, errors)
     return _as_seen(_of_mptc(drive, engine, run, omega_s, settle), observed, settle)
+
+
+def _of_loop(
+    drive: MptcDrive,
+    controller: str | Controller,
+    scenario: mptc_loop.Scenario,
+    plant: PlantParameters,
+    errors: MptcErrors,
+) -> mptc_loop.Run:
+    """A closed loop of an engine or of any controller."""
+    if isinstance(controller, str):
+        return mptc_loop.simulate(drive, scenario, engine=controller, plant=plant, errors=errors)
+    return mptc_loop.drive_controller(drive, controller, scenario, plant=plant, errors=errors)
 
 
 def _of_mptc(
     drive: MptcDrive, engine: str, run: mptc_loop.Run, omega_s: float, settle: int
 ) -> SimulationResult:
-    """A run of a method of one vector without its first steps."""
-    keep = slice(settle, None)
-    seen = run.trace.rows(keep)
-    saturated = run.saturated | run.clamped if engine == "model" else run.saturated
+    """A run without its first steps."""
+    run = run.after(settle)
+    seen, (vectors, times) = run.trace, run.decided
+    several = drive.control.sequences
     return SimulationResult(
         drive=drive,
         controller=engine,
         speed=omega_s,
         time=drive.control.ts * np.arange(len(seen)),
-        current=run.current[keep],
-        flux=seen.psi_s[:, 0] + 1j * seen.psi_s[:, 1],
-        torque=run.torque[keep],
-        omega_r=seen.omega_r,
-        applied=seen.u,
+        current=run.current,
+        flux=run.stator_flux,
+        torque=run.torque,
+        omega_r=run.omega_r,
+        applied=np.column_stack(seen.sequences()) if several else seen.u,
         trace=seen,
-        decisions=mptc_trace.MptcDecisions(run.u[keep], None, saturated[keep]),
+        decisions=mptc_trace.MptcDecisions(
+            run.u,
+            None,
+            run.saturated | run.clamped if engine == "model" else run.saturated,
+            *((vectors, times) if several else ()),
+        ),
+        current_inside=run.current_inside if several else None,
+        commutations=run.commutations,
     )
 
 
@@ -916,30 +756,3 @@ def _as_seen(
     omega_r = np.array([omega for _, omega in observed.seen[settle:]])
     trace_ = replace(result.trace, psi_s=np.column_stack([flux.real, flux.imag]), omega_r=omega_r)
     return replace(result, trace=trace_)
-
-
-def _of_sequences(
-    drive: MptcDrive, engine: str, run: SequenceRun, omega_s: float, settle: int
-) -> SimulationResult:
-    """A run of a method of two or three vectors without its first steps."""
-    keep = slice(settle, None)
-    seen = run.trace.rows(keep)
-    applied, decided = seen.sequences(), run.decided
-    vectors, times = decided.vectors[keep], decided.times[keep]
-    saturated = run.saturated | run.clamped if engine == "model" else run.saturated
-    per_step = len(run.current_inside) // len(run.torque)
-    inside = run.current_inside[settle * per_step :]
-    return SimulationResult(
-        drive=drive,
-        controller=engine,
-        speed=omega_s,
-        time=run.ts * np.arange(len(seen)),
-        current=inside[::per_step],
-        flux=seen.psi_s[:, 0] + 1j * seen.psi_s[:, 1],
-        torque=run.torque[keep],
-        omega_r=seen.omega_r,
-        applied=np.column_stack([applied.vectors, applied.times]),
-        trace=seen,
-        decisions=mptc_trace.MptcDecisions(vectors[:, 0], None, saturated[keep], vectors, times),
-        current_inside=inside,
-    )

@@ -28,7 +28,6 @@ from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT
 from directmpc.mptc import closed_loop as mptc_loop
-from directmpc.mptc import sequence_loop
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sensorless import SensorlessController
 from directmpc.states import Controller, Decision, MpdccDecision, MpdccState, State, ramped
@@ -126,8 +125,6 @@ def warm_up(drive: Drive | MptcDrive, variant: str = DEFAULT_VARIANT) -> None:
     if isinstance(drive, Drive):
         profile = mpdcc_loop.constant_profile(drive, mpdcc_loop.OperatingPoint(1.0), 2)
         mpdcc_loop.drive_controller(drive, model, profile, 2)
-    elif drive.control.sequences:
-        sequence_loop.drive_controller(drive, model, mptc_loop.constant(drive, 0.0, 0.0, 0.1, 2))
     else:
         mptc_loop.drive_controller(drive, model, mptc_loop.constant(drive, 0.0, 0.0, 0.1, 2))
 
@@ -424,8 +421,5 @@ def run_mptc(
         board, drive, sensorless=sensorless, ramp_down=ramp, progress=progress
     )
     began = time.perf_counter()
-    if drive.control.sequences:
-        sequence_loop.drive_controller(drive, controller, scenario)
-    else:
-        mptc_loop.drive_controller(drive, controller, scenario)
+    mptc_loop.drive_controller(drive, controller, scenario)
     return controller.summary(time.perf_counter() - began)

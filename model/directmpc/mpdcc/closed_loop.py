@@ -11,7 +11,7 @@ import cmath
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -685,6 +685,16 @@ def simulate(
     )
 
 
+class OuterLoop(Protocol):
+    """What makes references and speed of a run step by step."""
+
+    def ask(self, k: int, seen: FloatArray) -> None:
+        """Make the references of step k from what the controller sees, shape (8,)."""
+
+    def turn(self, k: int, torque: float) -> None:
+        """Make the speed of step k + 1 from the torque at k, per unit."""
+
+
 def drive_controller(
     drive: FiveLevelDrive,
     controller: Controller,
@@ -699,6 +709,7 @@ def drive_controller(
     errors: DriveErrors = NO_ERRORS,
     flux_observer: bool = False,
     progress: Callable[[int], None] | None = None,
+    outer: OuterLoop | None = None,
 ) -> ClosedLoopResult:
     """Run any controller in closed loop with the exact plant, step by step in Python.
 
@@ -728,6 +739,8 @@ def drive_controller(
         plant's in the first step, in place of the plant's.
     progress : callable, optional
         Called with the number of decisions made.
+    outer : OuterLoop, optional
+        Makes references and speed of `profile` as the run goes on.
 
     Returns
     -------
@@ -767,6 +780,11 @@ def drive_controller(
         if flux_observer and k > 0:
             observer.row(x, float(link[k]), float(profile.omega_r[k]), applied[k])
         shown[k] = x
+        if outer is not None:
+            outer.ask(k, x)
+            outer.turn(
+                k, other.machine.torque(complex(*plant.state[:2]), complex(*plant.state[2:4]))
+            )
         seen = MpdccState(
             current=complex(*x[:2]),
             flux=complex(*x[2:4]),

@@ -1,37 +1,113 @@
-"""Closed loops around an MPTC or MPFC controller, with a plant of our own.
+"""The closed loop of every two-level controller, around a plant of our own.
 
-The controller sees the state at k, the vector that is being applied, and its references; what it
-decides at k is applied from k+1 on (docs/specification.md, section 3.2).  A speed PI makes the
-torque reference where one is asked for.
+A control period is: sense, estimate, ask, decide, switch and load, each one function with its
+state. They are put together once, compiled for the functions that are passed. What is decided at k
+is applied from k+1 on (docs/specification.md, section 3.2), in the order of its vectors; SVM's as
+seven segments. Methods of several vectors leave no error at the end of a period and would seem to
+have no ripple there, so current and torque are recorded inside it as well.
 """
 
 from __future__ import annotations
 
+import functools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.compiled import njit
-from directmpc.mptc import bit_true, ideal
+from directmpc.distortion import thd
+from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences
 from directmpc.mptc.coefficients import Registers
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.errors import (
     NO_ERRORS,
+    CompiledErrors,
     MptcErrors,
     compiled_errors,
+    erring_sequence,
     erring_step,
     legs_at_rest,
     measure,
 )
+from directmpc.mptc.inverter import COMMUTATIONS
 from directmpc.mptc.machine import torque
 from directmpc.mptc.plant import PlantParameters, plant_parameters, steady_state
-from directmpc.mptc.trace import FloatArray, IntArray, MptcTrace
-from directmpc.states import Controller, MptcState, mptc_decision
+from directmpc.mptc.sequence import VectorSequence, segments, whole
+from directmpc.mptc.trace import FloatArray, IntArray, MptcTrace, Sequences
+from directmpc.speed_control import speed_pi
+from directmpc.states import Controller, MptcState, StateError, mptc_decision
 
 RPM = 2.0 * np.pi / 60.0
+
+SAMPLE_TIME = 5e-6
+"""Longest distance of two samples inside a period, s."""
+
+MAGNETISED = 0.9
+"""Share of the flux reference from which on a machine makes torque."""
+
+VOLTAGE_SHARE = 0.85
+"""Of what the dc link carries: the flux falls where it would need more."""
+
+BREAKDOWN_SHARE = 0.8
+"""Of the breakdown torque that the speed controller asks for at most."""
+
+
+class Limits(NamedTuple):
+    """What the references of an outer loop stay within, SI.
+
+    Attributes
+    ----------
+    current : float
+        Of the stator, A; 0: no limits.
+    voltage : float
+        Stator flux times electrical speed, V.
+    leakage : float
+        sigma L_s, H.
+    magnetising : float
+        L_m^2/L_r, H.
+    breakdown : float
+        Largest torque over the square of the stator flux, N*m/Wb^2.
+    torque : float
+        1.5 N_p.
+    """
+
+    current: float
+    voltage: float
+    leakage: float
+    magnetising: float
+    breakdown: float
+    torque: float
+
+
+NO_LIMITS = Limits(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def limits_of(drive: MptcDrive, current: float) -> Limits:
+    """Limits of a drive's references.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine and dc link.
+    current : float
+        Largest stator current, A.
+
+    Returns
+    -------
+    Limits
+        Field weakening, current and breakdown torque.
+    """
+    m = drive.machine
+    sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)
+    peak = 0.75 * m.pole_pairs * (m.lm / m.ls) ** 2 / (sigma * m.lr)
+    return Limits(
+        current, VOLTAGE_SHARE * drive.inverter.vdc / math.sqrt(3.0), sigma * m.ls,
+        m.lm * m.lm / m.lr, BREAKDOWN_SHARE * peak, 1.5 * m.pole_pairs,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -54,6 +130,12 @@ class Scenario:
         Electrical speed at the first step, rad/s.
     gains : tuple
         Speed PI: proportional (N*m*s/rad), integral (N*m/rad), limit (N*m).
+    weight : float
+        Of the reference in the proportional part of the speed PI.
+    limits : Limits
+        Of the references; none unless given.
+    integral : float
+        Of the speed controller at the first step, N*m.
     """
 
     torque_ref: FloatArray
@@ -64,92 +146,55 @@ class Scenario:
     flux: complex = 0j
     omega_r: float = 0.0
     gains: tuple[float, float, float] = (1.0, 10.0, 16.8)
+    weight: float = 1.0
+    limits: Limits = NO_LIMITS
+    integral: float = 0.0
 
 
 @dataclass(frozen=True)
 class Run:
-    """A recorded run.
+    """A recorded run; n control periods with s samples each.
 
     Attributes
     ----------
-    ts : float
-        Control period, s.
+    drive : MptcDrive
+        What the controller knows.
     trace : MptcTrace
-        What the controller saw: the current is what the sensors said.
-    current : (n,) complex
-        Stator current of the plant, A.
-    u : (n,)
-        What it decided, applied one step later.
+        What the controller saw: the current is what the sensors said, flux and speed those of the
+        observer where there is one.
+    decided : Sequences
+        What it decided, applied one period later.
+    wanted : Sequences
+        What the ideal controller would have decided on the same inputs.
     saturated, clamped : (n,)
         Its flags.
     torque : (n,)
         Electromagnetic torque at each step, N*m.
-    flux : (n,)
-        Stator flux magnitude at each step, Wb.
-    shadow : (n,)
-        What the ideal controller would have decided on the same inputs.
-    margin : (n,)
-        By how much its second best vector costs more than its best, N*m (Wb for MPFC).
+    flux, omega_r : (n,)
+        Stator flux magnitude (Wb) and electrical speed (rad/s) of the plant at each step.
+    stator_flux : (n,) complex
+        Stator flux of the plant at each step, Wb.
+    current_inside : (n * s,) complex
+        Stator current of the plant at equal distances, A.
+    torque_inside : (n * s,)
+        Electromagnetic torque there, N*m.
+    commutations : (n,)
+        Switches that change in each period.
     """
 
-    ts: float
+    drive: MptcDrive
     trace: MptcTrace
-    current: NDArray[np.complex128]
-    u: IntArray
+    decided: Sequences
+    wanted: Sequences
     saturated: IntArray
     clamped: IntArray
     torque: FloatArray
     flux: FloatArray
-    shadow: IntArray
-    margin: FloatArray
-
-    @classmethod
-    def recorded(
-        cls,
-        ts: float,
-        seen: FloatArray,
-        seen_u: IntArray,
-        out: IntArray,
-        result: FloatArray,
-        current: NDArray[np.complex128] | None = None,
-    ) -> Run:
-        """Make a run of the arrays that a loop has filled.
-
-        Parameters
-        ----------
-        ts : float
-            Control period, s.
-        seen : ndarray of float64, shape (n, 7)
-            What the controller saw: current (A) and flux (Wb), alpha and beta each, omega_r (rad/s,
-            electrical), torque_ref (N*m), psi_ref (Wb).
-        seen_u : ndarray of int64, shape (n,)
-            Vector that is being applied.
-        out : ndarray of int64, shape (n, 4)
-            u, saturated and clamped of the controller, u of the ideal one.
-        result : ndarray of float64, shape (n, 3)
-            Torque (N*m), flux magnitude (Wb), margin (N*m; Wb for MPFC).
-        current : ndarray of complex128, shape (n,), optional
-            Stator current of the plant, A; what the controller saw if not given.
-
-        Returns
-        -------
-        Run
-            n steps that share the memory of the arrays.
-        """
-        if current is None:
-            current = ideal.as_complex(seen[:, 0:2])
-        return cls(
-            ts=ts,
-            trace=MptcTrace(seen[:, 0:2], seen[:, 2:4], seen[:, 4], seen[:, 5], seen[:, 6], seen_u),
-            current=current,
-            u=out[:, 0],
-            saturated=out[:, 1],
-            clamped=out[:, 2],
-            torque=result[:, 0],
-            flux=result[:, 1],
-            shadow=out[:, 3],
-            margin=result[:, 2],
-        )
+    omega_r: FloatArray
+    stator_flux: NDArray[np.complex128]
+    current_inside: NDArray[np.complex128]
+    torque_inside: FloatArray
+    commutations: IntArray
 
     def after(self, first: int) -> Run:
         """The run without its beginning.
@@ -164,12 +209,72 @@ class Run:
         Run
             The others; it shares their memory.
         """
-        rows = {
-            field.name: getattr(self, field.name)[first:]
-            for field in fields(self)
-            if field.name not in ("ts", "trace")
-        }
-        return Run(ts=self.ts, trace=self.trace.rows(slice(first, None)), **rows)
+        rest, n = slice(first, None), len(self.torque)
+        found: dict[str, Any] = {}
+        for name in (field.name for field in fields(self)):
+            value = getattr(self, name)
+            if isinstance(value, MptcTrace):
+                found[name] = value.rows(rest)
+            elif isinstance(value, Sequences):
+                found[name] = Sequences(*(part[rest] for part in value))
+            elif isinstance(value, np.ndarray):
+                found[name] = value[first * (len(value) // n) :]
+        return replace(self, **found)
+
+    @property
+    def ts(self) -> float:
+        """Control period.
+
+        Returns
+        -------
+        float
+            s.
+        """
+        return self.drive.control.ts
+
+    @property
+    def current(self) -> NDArray[np.complex128]:
+        """Stator current of the plant at each step.
+
+        Returns
+        -------
+        ndarray of complex128, shape (n,)
+            A.
+        """
+        return self.current_inside[:: len(self.current_inside) // len(self.torque)]
+
+    @property
+    def u(self) -> IntArray:
+        """First vector of each decision.
+
+        Returns
+        -------
+        ndarray of int64, shape (n,)
+            Numbers, 0 to 7.
+        """
+        return self.decided.vectors[:, 0]
+
+    @property
+    def shadow(self) -> IntArray:
+        """First vector of what the ideal controller would have decided.
+
+        Returns
+        -------
+        ndarray of int64, shape (n,)
+            Numbers, 0 to 7.
+        """
+        return self.wanted.vectors[:, 0]
+
+    @functools.cached_property
+    def margin(self) -> FloatArray:
+        """By how much the ideal controller's second best vector costs more than its best.
+
+        Returns
+        -------
+        ndarray of float64, shape (n,)
+            N*m (Wb for MPFC).
+        """
+        return ideal.margins(self.drive, self.trace)
 
     @property
     def mismatch(self) -> float:
@@ -194,47 +299,413 @@ class Run:
         differs = self.u != self.shadow
         return float(self.margin[differs].max()) if differs.any() else 0.0
 
+    @property
+    def sample_time(self) -> float:
+        """Distance of two samples.
 
-@njit(kept=False)
-def _loop(
-    decide, parameters, reference, plant, vdc, torque_ref, psi_ref, load, speed_ref, use_speed,
-    gains, given, i, psi, omega_r, seen, seen_u, out, result, current,
-):  # fmt: skip
-    """Run the loop, compiled as a whole for speed; `drive_controller` takes any `Controller`.
+        Returns
+        -------
+        float
+            s.
+        """
+        return self.ts * len(self.torque) / len(self.torque_inside)
 
-    It is compiled for the controller passed, and therefore not cached on disk.
+    def figures(self) -> dict[str, float]:
+        """Distortion, ripple and switching frequency; the first tenth is left out.
+
+        Returns
+        -------
+        dict of str to float
+            `thd_pct` of the current of phase a, sampled inside the period, at the frequency that
+            the flux has; `torque_ripple_nm` (standard deviation inside the period);
+            `torque_mean_nm`; `switching_hz` of a switch.
+
+        Raises
+        ------
+        ValueError
+            If the run does not cover one period of the flux.
+        """
+        first = len(self.torque) // 10
+        per_period = len(self.torque_inside) // len(self.torque)
+        flux = self.trace.psi_s[first:] @ np.array([1.0, 1.0j])
+        angle = np.unwrap(np.angle(flux))
+        omega = float(np.polyfit(np.arange(len(angle)) * self.ts, angle, 1)[0])
+        inside = slice(first * per_period, None)
+        made = self.torque_inside[inside]
+        distortion = thd(self.current_inside[inside].real, omega, self.sample_time)
+        return {
+            "thd_pct": 100.0 * float(distortion),
+            "torque_ripple_nm": float(made.std()),
+            "torque_mean_nm": float(made.mean()),
+            "switching_hz": float(
+                self.commutations[first:].sum() / (6.0 * self.ts * (len(self.torque) - first))
+            ),
+        }
+
+
+class Asked(NamedTuple):
+    """A `Scenario` for compiled code; `speed_ref` has no entries without a speed controller.
+
+    `state` is the integral of the speed controller, and 1 once the machine has its flux.
     """
-    applied = 0
-    integral = 0.0
+
+    torque_ref: FloatArray
+    psi_ref: FloatArray
+    load: FloatArray
+    speed_ref: FloatArray
+    gains: tuple[float, float, float]
+    weight: float
+    limits: Limits
+    state: FloatArray
+
+
+@njit
+def ask(a, k, plant, i, psi, omega):
+    """References of a period: speed controller, field weakening, and the flux before the torque.
+
+    Parameters
+    ----------
+    a : Asked
+        Its state is moved on.
+    k : int
+        Control period, from 0.
+    plant : PlantParameters
+        Its pole pairs and control period count.
+    i, psi : complex
+        Stator current (A) and stator flux linkage (Wb) as the controller knows them.
+    omega : float
+        Electrical speed as the speed controller knows it, rad/s.
+
+    Returns
+    -------
+    torque_ref, psi_ref : float
+        N*m, Wb.
+    """
+    asked, psi_ref, limit = a.torque_ref[k], a.psi_ref[k], a.gains[2]
+    if a.limits.current > 0.0:
+        x = a.limits
+        if abs(omega) * psi_ref > x.voltage:
+            psi_ref = x.voltage / abs(omega)
+        # what the stator current does not make; at no load it is the rest of the flux
+        rotor = abs(psi - x.leakage * i)
+        full = x.magnetising / (x.magnetising + x.leakage) * psi_ref
+        if rotor >= MAGNETISED * full:
+            a.state[1] = 1.0
+        psi_ref = min(psi_ref, rotor + x.leakage * x.current)
+        across = math.sqrt(max(0.0, x.current**2 - (rotor / x.magnetising) ** 2))
+        limit = min(limit, x.torque * rotor * across, x.breakdown * psi_ref**2) * a.state[1]
+    if len(a.speed_ref) > 0:
+        speed = omega / plant.pole_pairs
+        made, a.state[0] = speed_pi(
+            a.gains[0], a.gains[1], a.weight, plant.ts, a.state[0], a.speed_ref[k], speed, limit
+        )
+        asked += made
+    return asked, psi_ref
+
+
+class Switching(NamedTuple):
+    """How the inverter applies what was decided.
+
+    Attributes
+    ----------
+    centred : bool
+        Whether vectors are applied as seven segments, as SVM does.
+    vectors, lengths : ndarray, shape (7,)
+        Room for the segments.
+    last : ndarray of int64, shape (1,)
+        Vector that was applied last.
+    """
+
+    centred: bool
+    vectors: IntArray
+    lengths: FloatArray
+    last: IntArray
+
+
+@njit
+def _one_vector(s, given, k, legs, plant, i, psi, omega_r, applied, load, current, made):
+    """Apply one vector for a period; the state of the plant at k+1, and what has switched."""
+    current[0], made[0] = i, torque(plant, i, psi)
+    changes = COMMUTATIONS[s.last[0], applied.u1]
+    s.last[0] = applied.u1
+    i, psi, omega_r = erring_step(given, k, legs, plant, i, psi, omega_r, applied.u1, load)
+    return i, psi, omega_r, changes
+
+
+@njit
+def _several(s, given, k, legs, plant, i, psi, omega_r, applied, load, current, made):
+    """Apply a sequence, as `_one_vector`."""
+    count = segments(applied, s.centred, s.vectors, s.lengths)
+    changes = 0
+    for n in range(count):
+        if s.lengths[n] > 0.0:
+            changes += COMMUTATIONS[s.last[0], s.vectors[n]]
+            s.last[0] = s.vectors[n]
+    i, psi, omega_r = erring_sequence(
+        given, k, legs, plant, i, psi, omega_r, s.vectors[:count], s.lengths[:count], load, current,
+        made,
+    )  # fmt: skip
+    return i, psi, omega_r, changes
+
+
+@njit
+def _exact(observer, measured, psi, omega_r):
+    """Flux and speed as the plant has them; the speed twice, for controller and speed PI."""
+    return psi, omega_r, omega_r
+
+
+@njit
+def _stays(observer, measured, omega, applied, vdc):
+    """Stand in for an observer's step; never saturated."""
+    return 0
+
+
+@njit
+def no_wish(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
+    """Stand in where the ideal controller is not asked.
+
+    Parameters
+    ----------
+    p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref : any
+        Not looked at.
+
+    Returns
+    -------
+    sequence : VectorSequence
+        u_0.
+    saturated, clamped : int
+        0.
+    """
+    return whole(0), 0, 0
+
+
+@njit
+def _keep(sequence, vectors, times, k):
+    vectors[k, 0], vectors[k, 1], vectors[k, 2] = sequence.u1, sequence.u2, sequence.u3
+    times[k, 0], times[k, 1] = sequence.t1, sequence.t2
+
+
+def _steps(
+    decide, parameters, wish, reference, estimate, advance, observer, switch, switching, plant,
+    vdc, asked, given, i, psi, omega_r, applied_out, decided_out, wanted_out, seen, plant_out,
+    flux_out, flags, inside_i, inside_t,
+):  # fmt: skip
+    """The loop; `_loop` is the same, compiled for the functions that are passed."""
+    samples = len(inside_i) // len(seen)
+    applied = whole(0)
     legs = legs_at_rest()
-    for k in range(len(torque_ref)):
-        wanted = torque_ref[k]
-        if use_speed:
-            error = speed_ref[k] - omega_r / plant.pole_pairs
-            free = gains[0] * error + integral
-            if abs(free) < gains[2]:
-                integral += gains[1] * error * plant.ts
-            wanted += min(max(gains[0] * error + integral, -gains[2]), gains[2])
-        current[k] = i
+    for k in range(len(seen)):
         measured = measure(given, k, i)
+        flux, omega, shaft = estimate(observer, measured, psi, omega_r)
+        torque_ref, psi_ref = ask(asked, k, plant, measured, flux, shaft)
         seen[k, 0], seen[k, 1] = measured.real, measured.imag
-        seen[k, 2], seen[k, 3] = psi.real, psi.imag
-        seen[k, 4], seen[k, 5], seen[k, 6] = omega_r, wanted, psi_ref[k]
-        seen_u[k] = applied
-        u, saturated, clamped = decide(
-            parameters, measured, psi, omega_r, applied, vdc, wanted, psi_ref[k]
+        seen[k, 2], seen[k, 3] = flux.real, flux.imag
+        seen[k, 4], seen[k, 5], seen[k, 6] = omega, torque_ref, psi_ref
+        _keep(applied, applied_out[0], applied_out[1], k)
+        decided, saturated, clamped = decide(
+            parameters, measured, flux, omega, applied, vdc, torque_ref, psi_ref
         )
-        out[k, 0], out[k, 1], out[k, 2] = u, saturated, clamped
-        out[k, 3], _, _ = ideal.decide(
-            reference, measured, psi, omega_r, applied, vdc, wanted, psi_ref[k]
-        )
-        result[k, 0] = torque(plant, i, psi)
-        result[k, 1] = abs(psi)
-        result[k, 2] = ideal.margin(
-            reference, measured, psi, omega_r, applied, vdc, wanted, psi_ref[k]
-        )
-        i, psi, omega_r = erring_step(given, k, legs, plant, i, psi, omega_r, applied, load[k])
-        applied = u
+        wanted, _, _ = wish(reference, measured, flux, omega, applied, vdc, torque_ref, psi_ref)
+        _keep(decided, decided_out[0], decided_out[1], k)
+        _keep(wanted, wanted_out[0], wanted_out[1], k)
+        flags[k, 0] = saturated | advance(observer, measured, omega, applied, vdc)
+        flags[k, 1] = clamped
+        plant_out[k, 0], plant_out[k, 1], plant_out[k, 2] = torque(plant, i, psi), abs(psi), omega_r
+        flux_out[k] = psi
+        here = slice(k * samples, (k + 1) * samples)
+        i, psi, omega_r, flags[k, 2] = switch(
+            switching, given, k, legs, plant, i, psi, omega_r, applied, asked.load[k],
+            inside_i[here], inside_t[here],
+        )  # fmt: skip
+        applied = decided
+
+
+_loop = njit(kept=False)(_steps)
+
+
+@functools.cache
+def of_one(decide: Any) -> Any:
+    """A controller of one vector with the signature of the methods of several.
+
+    Parameters
+    ----------
+    decide : compiled function
+        As `ideal.decide`.
+
+    Returns
+    -------
+    compiled function
+        As `ideal_sequences.decide`; the first vector of what is being applied counts.
+    """
+
+    @njit(kept=False)
+    def decide_one(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
+        u, saturated, clamped = decide(p, i, psi, omega_r, applied.u1, vdc, torque_ref, psi_ref)
+        return whole(u), saturated, clamped
+
+    return decide_one
+
+
+def controller_of(
+    drive: MptcDrive, engine: str, values: Registers | None = None
+) -> tuple[Any, Any]:
+    """Compiled function of an engine, for any method, and its parameters.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        What it is set up for.
+    engine : str
+        "model" for the bit-true twin, "ideal" for float64.
+    values : Registers, optional
+        Registers of the twin instead of the drive's.
+
+    Returns
+    -------
+    decide : compiled function
+        With the signature of `ideal_sequences.decide`.
+    parameters
+        Its first argument.
+
+    Raises
+    ------
+    ValueError
+        If there is no bit-true twin of the method, or a value cannot be represented.
+    """
+    if drive.control.sequences:
+        if engine == "ideal":
+            return ideal_sequences.decide, ideal_sequences.sequence_parameters(drive)
+        return bit_true_sequences.decide, bit_true_sequences.parameters(drive, values)
+    if engine == "ideal":
+        return of_one(ideal.decide), ideal.ideal_parameters(drive)
+    return of_one(bit_true.decide), bit_true.parameters(drive, values)
+
+
+def samples_of(ts: float) -> int:
+    """Samples inside a control period.
+
+    Parameters
+    ----------
+    ts : float
+        Control period, s.
+
+    Returns
+    -------
+    int
+        As few as lie at most `SAMPLE_TIME` apart.
+    """
+    return max(1, math.ceil(ts / SAMPLE_TIME - 1e-9))
+
+
+class Observing(NamedTuple):
+    """An observer in a loop: its two compiled functions, and its state.
+
+    Attributes
+    ----------
+    estimate : compiled function
+        As `_exact`.
+    advance : compiled function
+        As `_stays`.
+    state
+        First argument of both.
+    """
+
+    estimate: Any
+    advance: Any
+    state: Any
+
+
+EXACT = Observing(_exact, _stays, 0)
+"""Flux and speed of the plant."""
+
+
+def run(
+    drive: MptcDrive,
+    scenario: Scenario,
+    controller: tuple[Any, Any],
+    *,
+    compiled: bool = True,
+    wish: tuple[Any, Any] | None = None,
+    observing: Observing = EXACT,
+    plant: PlantParameters | None = None,
+    errors: CompiledErrors | None = None,
+    inside: bool | None = None,
+    switch: Any = None,
+) -> Run:
+    """Put the parts of a loop together and run it.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        dc-link voltage, control period and method.
+    scenario : Scenario
+        References, load and first state.
+    controller : tuple
+        Function with the signature of `ideal_sequences.decide`, and its parameters.
+    compiled : bool
+        Whether the loop is compiled, as its functions have to be then.
+    wish : tuple, optional
+        Controller that is asked beside it; the ideal one if not given.
+    observing : Observing
+        What the controller knows of flux and speed.
+    plant : PlantParameters, optional
+        The drive's own with imposed speed if not given.
+    errors : CompiledErrors, optional
+        Of sensors and switches; none unless given.
+    inside : bool, optional
+        Whether the plant goes on in samples inside the period; if not given, for methods of two
+        and three vectors.
+    switch : function, optional
+        Inverter and plant of one period in the place of our own, as `_one_vector`.
+
+    Returns
+    -------
+    Run
+        One row per entry of the scenario.
+    """
+    n, c = len(scenario.torque_ref), drive.control
+    several = c.sequences if inside is None else inside
+    samples = samples_of(c.ts) if several else 1
+    made = [Sequences(np.empty((n, 3), dtype=np.int64), np.empty((n, 2))) for _ in range(3)]
+    seen, result, flags = np.empty((n, 7)), np.empty((n, 3)), np.empty((n, 3), dtype=np.int64)
+    flux = np.empty(n, dtype=np.complex128)
+    inside_i, inside_t = np.empty(n * samples, dtype=np.complex128), np.empty(n * samples)
+    speed = np.empty(0) if scenario.speed_ref is None else scenario.speed_ref
+    asked = Asked(
+        scenario.torque_ref, scenario.psi_ref, scenario.load, speed,
+        tuple(map(float, scenario.gains)), float(scenario.weight), scenario.limits,
+        np.array([scenario.integral, 0.0]),
+    )  # fmt: skip
+    switching = Switching(
+        c.method == "SVM", np.zeros(7, dtype=np.int64), np.zeros(7), np.zeros(1, dtype=np.int64)
+    )
+    (_loop if compiled else _steps)(
+        *controller, *(wish or controller_of(drive, "ideal")), *observing,
+        switch or (_several if several else _one_vector), switching,
+        plant or plant_parameters(drive), drive.inverter.vdc, asked,
+        compiled_errors(NO_ERRORS, drive, n) if errors is None else errors,
+        complex(scenario.current), complex(scenario.flux), float(scenario.omega_r),
+        *(tuple(part) for part in made), seen, result, flux, flags, inside_i, inside_t,
+    )  # fmt: skip
+    applied, decided, wanted = made
+    sequences = applied if several else ()
+    return Run(
+        drive=drive,
+        trace=MptcTrace(
+            seen[:, 0:2], seen[:, 2:4], *seen[:, 4:7].T, applied.vectors[:, 0], *sequences
+        ),
+        decided=decided,
+        wanted=wanted,
+        saturated=flags[:, 0],
+        clamped=flags[:, 1],
+        torque=result[:, 0],
+        flux=result[:, 1],
+        omega_r=result[:, 2],
+        stator_flux=flux,
+        current_inside=inside_i,
+        torque_inside=inside_t,
+        commutations=flags[:, 2],
+    )
 
 
 def simulate(
@@ -246,6 +717,7 @@ def simulate(
     values: Registers | None = None,
     controller: tuple[Any, Any] | None = None,
     errors: MptcErrors = NO_ERRORS,
+    inside: bool | None = None,
 ) -> Run:
     """Run a closed loop.
 
@@ -262,10 +734,12 @@ def simulate(
     values : Registers, optional
         Registers of the twin instead of the drive's.
     controller : tuple, optional
-        A compiled function with the signature of ``ideal.decide`` and its parameters, instead of
-        the engine's.
+        A compiled function and its parameters instead of the engine's, with the signature of
+        `ideal.decide`, or of `ideal_sequences.decide` for methods of two and three vectors.
     errors : MptcErrors
         Of sensors and switches; none unless given. The ideal controller beside it sees the same.
+    inside : bool, optional
+        As of `run`.
 
     Returns
     -------
@@ -275,31 +749,15 @@ def simulate(
     Raises
     ------
     ValueError
-        If the drive cannot have such errors.
+        If there is no bit-true twin of the method, a value of the drive cannot be represented, or
+        the drive cannot have such errors.
     """
-    n = len(scenario.torque_ref)
-    reference = ideal.ideal_parameters(drive)
-    decide: Any
-    parameters: Any
-    if controller is not None:
-        decide, parameters = controller
-    elif engine == "ideal":
-        decide, parameters = ideal.decide, reference
-    else:
-        decide, parameters = bit_true.decide, bit_true.parameters(drive, values)
-    seen = np.empty((n, 7))
-    seen_u = np.empty(n, dtype=np.int64)
-    out = np.empty((n, 4), dtype=np.int64)
-    result, current = np.empty((n, 3)), np.empty(n, dtype=np.complex128)
-    speed = scenario.speed_ref
-    _loop(
-        decide, parameters, reference, plant or plant_parameters(drive), drive.inverter.vdc,
-        scenario.torque_ref, scenario.psi_ref, scenario.load,
-        scenario.torque_ref if speed is None else speed, speed is not None, scenario.gains,
-        compiled_errors(errors, drive, n), complex(scenario.current), complex(scenario.flux),
-        float(scenario.omega_r), seen, seen_u, out, result, current,
-    )  # fmt: skip
-    return Run.recorded(drive.control.ts, seen, seen_u, out, result, current)
+    if controller is None:
+        controller = controller_of(drive, engine, values)
+    elif not drive.control.sequences:
+        controller = of_one(controller[0]), controller[1]
+    given = compiled_errors(errors, drive, len(scenario.torque_ref))
+    return run(drive, scenario, controller, plant=plant, errors=given, inside=inside)
 
 
 def constant(drive: MptcDrive, rpm: float, load: float, psi_ref: float, steps: int) -> Scenario:
@@ -371,6 +829,7 @@ def drive_controller(
     plant: PlantParameters | None = None,
     errors: MptcErrors = NO_ERRORS,
     progress: Callable[[int], None] | None = None,
+    switch: Any = None,
 ) -> Run:
     """Run any controller in closed loop with our plant, step by step in Python.
 
@@ -381,13 +840,15 @@ def drive_controller(
     controller : Controller
         Asked once per step, with an `MptcState`; its decision acts one step later.
     scenario : Scenario
-        References, load and first state; without a speed reference.
+        References, load and first state.
     plant : PlantParameters, optional
         The drive's own with imposed speed if not given.
     errors : MptcErrors
         Of sensors and switches; none unless given.
     progress : callable, optional
         Called with the number of decisions made.
+    switch : function, optional
+        As of `run`.
 
     Returns
     -------
@@ -397,40 +858,33 @@ def drive_controller(
     Raises
     ------
     StateError
-        If an answer is no decision.
+        If an answer is no decision of the drive's method.
     ValueError
-        If the scenario has a speed reference, or the drive cannot have such errors.
+        If the drive cannot have such errors.
     """
-    if scenario.speed_ref is not None:
-        raise ValueError("scenario: has a speed reference; simulate serves those")
-    n, vdc = len(scenario.torque_ref), drive.inverter.vdc
-    reference, parameters = ideal.ideal_parameters(drive), plant or plant_parameters(drive)
-    current, flux = complex(scenario.current), complex(scenario.flux)
-    omega_r, applied = float(scenario.omega_r), 0
-    seen, seen_u = np.empty((n, 7)), np.empty(n, dtype=np.int64)
-    out, result = np.empty((n, 4), dtype=np.int64), np.empty((n, 3))
-    currents, given, legs = (
-        np.empty(n, dtype=np.complex128), compiled_errors(errors, drive, n), legs_at_rest(),
-    )  # fmt: skip
-    for k in range(n):
-        currents[k], measured = current, measure(given, k, current)
-        state = MptcState(
-            measured, flux, omega_r, scenario.torque_ref[k], scenario.psi_ref[k], applied, vdc
-        )
-        decision = mptc_decision(controller.decide(state), k)
-        inputs = (measured, flux, omega_r, applied, vdc, state.torque_ref, state.psi_ref)
-        seen[k] = (
-            measured.real, measured.imag, flux.real, flux.imag, omega_r, state.torque_ref,
-            state.psi_ref,
-        )  # fmt: skip
-        seen_u[k] = applied
-        wanted = ideal.decide(reference, *inputs)[0]
-        out[k] = decision.apply, decision.saturated, decision.clamped, wanted
-        result[k] = torque(parameters, current, flux), abs(flux), ideal.margin(reference, *inputs)
-        current, flux, omega_r = erring_step(
-            given, k, legs, parameters, current, flux, omega_r, applied, scenario.load[k]
-        )
-        applied = int(decision.apply)
+    several, made = drive.control.sequences, 0
+
+    def _decide(
+        _: None, i: complex, psi: complex, omega_r: float, applied: VectorSequence, vdc: float,
+        torque_ref: float, psi_ref: float,
+    ) -> tuple[VectorSequence, int, int]:  # fmt: skip
+        nonlocal made
+        known = applied if several else applied.u1
+        answer = controller.decide(MptcState(i, psi, omega_r, torque_ref, psi_ref, known, vdc))
+        decision = mptc_decision(answer, made)
+        made += 1
+        chosen = decision.apply
+        if not several and not isinstance(chosen, int):
+            raise StateError(
+                f"step {made - 1}: decision: got {tuple(chosen)}; {drive.control.method} applies "
+                "one vector a period, its number is needed"
+            )
         if progress is not None:
-            progress(k + 1)
-    return Run.recorded(drive.control.ts, seen, seen_u, out, result, currents)
+            progress(made)
+        sequence = whole(chosen) if isinstance(chosen, int) else VectorSequence(*chosen)
+        return sequence, int(decision.saturated), int(decision.clamped)
+
+    given = compiled_errors(errors, drive, len(scenario.torque_ref))
+    return run(
+        drive, scenario, (_decide, None), compiled=False, plant=plant, errors=given, switch=switch
+    )

@@ -101,6 +101,23 @@ class MptcErrors:
                 f"{-LARGEST_SHARE:g} to {LARGEST_SHARE:g}"
             )
 
+    def compiled(self, drive: MptcDrive, periods: int) -> CompiledErrors:
+        """`compiled_errors` of them.
+
+        Parameters
+        ----------
+        drive : MptcDrive
+            Full scale of the current, dc-link voltage and control period.
+        periods : int
+            Length of the run.
+
+        Returns
+        -------
+        CompiledErrors
+            For one run.
+        """
+        return compiled_errors(self, drive, periods)
+
 
 NO_ERRORS = MptcErrors()
 

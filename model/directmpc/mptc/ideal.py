@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -274,6 +274,12 @@ def _run(p, vdc, i, psi, omega_r, torque_ref, psi_ref, u, out):
         )
 
 
+@njit
+def _margins(p, vdc, i, psi, omega_r, torque_ref, psi_ref, u, out):
+    for k in range(len(u)):
+        out[k] = margin(p, i[k], psi[k], omega_r[k], u[k], vdc, torque_ref[k], psi_ref[k])
+
+
 def as_complex(vectors: FloatArray) -> np.ndarray:
     """Columns alpha and beta as complex numbers.
 
@@ -288,6 +294,34 @@ def as_complex(vectors: FloatArray) -> np.ndarray:
         alpha + j*beta, same unit.
     """
     return vectors[:, 0] + 1j * vectors[:, 1]
+
+
+def _arguments(drive: MptcDrive, trace: MptcTrace) -> tuple[Any, ...]:
+    """What `_run` and `_margins` take of a drive and a trace."""
+    return (
+        ideal_parameters(drive), drive.inverter.vdc, as_complex(trace.i_s), as_complex(trace.psi_s),
+        trace.omega_r, trace.torque_ref, trace.psi_ref, trace.u,
+    )  # fmt: skip
+
+
+def margins(drive: MptcDrive, trace: MptcTrace) -> FloatArray:
+    """`margin` of every row of a trace.
+
+    Parameters
+    ----------
+    drive : MptcDrive
+        Machine, dc-link voltage and method.
+    trace : MptcTrace
+        n independent rows.
+
+    Returns
+    -------
+    ndarray of float64, shape (n,)
+        N*m for MPTC, Wb for MPFC.
+    """
+    out = np.empty(len(trace))
+    _margins(*_arguments(drive, trace), out)
+    return out
 
 
 def run(drive: MptcDrive, trace: MptcTrace) -> MptcDecisions:
@@ -306,15 +340,5 @@ def run(drive: MptcDrive, trace: MptcTrace) -> MptcDecisions:
         `cycles` is None, `saturated` zero.
     """
     out = np.empty((len(trace), 3), dtype=np.int64)
-    _run(
-        ideal_parameters(drive),
-        drive.inverter.vdc,
-        as_complex(trace.i_s),
-        as_complex(trace.psi_s),
-        trace.omega_r,
-        trace.torque_ref,
-        trace.psi_ref,
-        trace.u,
-        out,
-    )
+    _run(*_arguments(drive, trace), out)
     return MptcDecisions(u=out[:, 0], cycles=None, saturated=out[:, 1])

@@ -4,7 +4,7 @@ The electrical equations are eq. 1 and 2 with constant speed over a control peri
 by a complex 2x2 matrix exponential (the vector is constant over the period, the machine linear at
 constant speed); the mechanics follow by the trapezoidal torque.  It shares the equations of
 `machine` with the controllers, and none of their predictions; the plant of the motulator library
-(`scripts.studies.motulator_plant`) is the independent check.
+(`directmpc.motulator`) is the independent check.
 """
 
 from __future__ import annotations

@@ -13,21 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from directmpc.compiled import njit
-from directmpc.mptc import (
-    bit_true,
-    bit_true_sequences,
-    drive_twin,
-    ideal,
-    ideal_sequences,
-    speed_observer,
-)
+from directmpc.mptc import bit_true, bit_true_sequences, drive_twin, speed_observer
 from directmpc.mptc import formats as f
-from directmpc.mptc.closed_loop import Scenario
+from directmpc.mptc.closed_loop import Observing, Run, Scenario, controller_of, no_wish, run
 from directmpc.mptc.drive import MptcDrive
-from directmpc.mptc.machine import torque
-from directmpc.mptc.plant import PlantParameters, plant_parameters, step_sequence
-from directmpc.mptc.sequence import mean_voltage, segments, whole
-from directmpc.mptc.sequence_loop import decide_one, decide_one_word, samples_of
+from directmpc.mptc.errors import EXACT, CompiledErrors, MptcErrors
+from directmpc.mptc.plant import PlantParameters
+from directmpc.mptc.sequence import mean_voltage, whole
 from directmpc.mptc.speed_observer import SpeedGains
 from directmpc.mptc.trace import FloatArray
 from directmpc.states import Controller, MptcDecision, MptcState, VectorSequence, mptc_decision
@@ -69,42 +61,25 @@ class CurrentErrors:
         if self.bits != 0 and not 2 <= self.bits <= 32:
             raise ValueError(f"bits: got {self.bits!r:.40}; 0, or from 2 to 32, is needed")
 
+    def compiled(self, drive: MptcDrive, n: int) -> CompiledErrors:
+        """The errors of a run for compiled code.
 
-@dataclass(frozen=True)
-class SensorlessRun:
-    """A recorded run; n control periods with s samples each.
+        Parameters
+        ----------
+        drive : MptcDrive
+            Its full scale of the current counts.
+        n : int
+            Length of the run, control periods.
 
-    Attributes
-    ----------
-    ts : float
-        Control period, s.
-    omega_r, estimate : (n,)
-        Electrical speed of the machine and as estimated, rad/s.
-    flux, flux_estimate : (n,) complex
-        Stator flux of the machine and as estimated, Wb.
-    torque_ref : (n,)
-        What was asked of the controller, N*m.
-    torque : (n,)
-        Electromagnetic torque, N*m.
-    saturated, clamped : (n,)
-        Flags of the controller.
-    current_inside : (n * s,) complex
-        Stator current of the machine at equal distances, A.
-    torque_inside : (n * s,)
-        Electromagnetic torque there, N*m.
-    """
-
-    ts: float
-    omega_r: FloatArray
-    estimate: FloatArray
-    flux: np.ndarray
-    flux_estimate: np.ndarray
-    torque_ref: FloatArray
-    torque: FloatArray
-    saturated: np.ndarray
-    clamped: np.ndarray
-    current_inside: np.ndarray
-    torque_inside: FloatArray
+        Returns
+        -------
+        CompiledErrors
+            Without errors of the switches.
+        """
+        rng = np.random.default_rng(self.seed)
+        noise = self.noise * (rng.standard_normal(n) + 1j * rng.standard_normal(n))
+        lsb = drive.control.current_max / 2 ** (self.bits - 1) if self.bits else 0.0
+        return EXACT._replace(added=np.column_stack([noise.real, noise.imag]), lsb=lsb)
 
 
 @njit
@@ -194,43 +169,38 @@ def _observer(
     return _twin(drive, gains, *begun), _estimates_words, _advance_words
 
 
-@njit(kept=False)
-def _loop(
-    estimates, advance, decide, parameters, core, plant, centred, vdc, scenario, gains, noise, lsb,
-    i, psi, omega_r, seen, fluxes, flags, inside_i, inside_t, filter_share,
-):  # fmt: skip
-    torque_ref, psi_ref, load, speed_ref = scenario
-    use_speed = len(speed_ref) > 0
-    samples = len(inside_i) // len(torque_ref)
-    vectors, lengths = np.zeros(7, dtype=np.int64), np.zeros(7)
-    applied = whole(0)
-    integral, smooth = 0.0, omega_r
-    for k in range(len(torque_ref)):
-        measured = i + noise[k]
-        if lsb > 0.0:
-            measured = lsb * complex(np.rint(measured.real / lsb), np.rint(measured.imag / lsb))
-        omega, flux = estimates(parameters, measured)
-        smooth += filter_share * (omega - smooth)
-        asked = torque_ref[k]
-        if use_speed:
-            error = speed_ref[k] - smooth / plant.pole_pairs
-            if abs(gains[0] * error + integral) < gains[2]:
-                integral += gains[1] * error * plant.ts
-            asked += min(max(gains[0] * error + integral, -gains[2]), gains[2])
-        decided, flags[k, 0], flags[k, 1] = decide(
-            core, measured, flux, omega, applied, vdc, asked, psi_ref[k]
-        )
-        flags[k, 0] |= advance(parameters, measured, omega, applied, vdc)
-        seen[k, 0], seen[k, 1], seen[k, 2] = omega_r, omega, asked
-        seen[k, 3] = torque(plant, i, psi)
-        fluxes[k, 0], fluxes[k, 1] = psi, flux
-        count = segments(applied, centred, vectors, lengths)
-        here = slice(k * samples, (k + 1) * samples)
-        i, psi, omega_r = step_sequence(
-            plant, i, psi, omega_r, vectors[:count], lengths[:count], load[k], inside_i[here],
-            inside_t[here],
-        )  # fmt: skip
-        applied = decided
+class _Seen(NamedTuple):
+    """An observer in a loop, with the low-pass between its estimate and the speed PI."""
+
+    observer: Any
+    share: float
+    smooth: FloatArray
+
+
+@njit
+def _see(p, measured, psi, omega_r):
+    """Flux and speed for the controller, speed for the PI."""
+    omega, flux = _estimates(p.observer, measured)
+    p.smooth[0] += p.share * (omega - p.smooth[0])
+    return flux, omega, p.smooth[0]
+
+
+@njit
+def _see_words(p, measured, psi, omega_r):
+    """``_see`` with the bit-true observer."""
+    omega, flux = _estimates_words(p.observer, measured)
+    p.smooth[0] += p.share * (omega - p.smooth[0])
+    return flux, omega, p.smooth[0]
+
+
+@njit
+def _go_on(p, measured, omega, applied, vdc):
+    return _advance(p.observer, measured, omega, applied, vdc)
+
+
+@njit
+def _go_on_words(p, measured, omega, applied, vdc):
+    return _advance_words(p.observer, measured, omega, applied, vdc)
 
 
 def simulate(
@@ -240,9 +210,9 @@ def simulate(
     engine: str = "ideal",
     gains: SpeedGains | None = None,
     plant: PlantParameters | None = None,
-    errors: CurrentErrors | None = None,
+    errors: CurrentErrors | MptcErrors | None = None,
     filter_time: float = FILTER_TIME,
-) -> SensorlessRun:
+) -> Run:
     """Run a closed loop on estimates.
 
     Parameters
@@ -257,16 +227,16 @@ def simulate(
         Of the observer.
     plant : PlantParameters, optional
         The drive's own with imposed speed if not given.
-    errors : CurrentErrors, optional
-        Of the current measurement; none if not given.
+    errors : CurrentErrors or MptcErrors, optional
+        Of the current measurement, or of sensors and switches; none if not given.
     filter_time : float
         Time constant of the low-pass between the estimate and the speed PI, s; a control period
         or less: no low-pass. The controller always has the estimate itself.
 
     Returns
     -------
-    SensorlessRun
-        One row per entry of the scenario.
+    Run
+        One row per entry of the scenario; the ideal controller is not asked beside it.
 
     Raises
     ------
@@ -275,36 +245,16 @@ def simulate(
     """
     if not (np.isfinite(filter_time) and filter_time >= 0.0):
         raise ValueError(f"filter_time: got {filter_time!r:.40}; 0 or more s is needed")
-    n, c = len(scenario.torque_ref), drive.control
-    errors = errors or CurrentErrors()
-    samples = samples_of(c.ts)
-    rng = np.random.default_rng(errors.seed)
-    noise = errors.noise * (rng.standard_normal(n) + 1j * rng.standard_normal(n))
-    lsb = c.current_max / 2 ** (errors.bits - 1) if errors.bits else 0.0
+    ts = drive.control.ts
     first = complex(scenario.current), complex(scenario.flux), float(scenario.omega_r)
-    observer, *steps = _observer(drive, engine, gains, *first)
-    core: Any
-    if engine == "ideal":
-        decide = ideal_sequences.decide if c.sequences else decide_one
-        core = (ideal_sequences.sequence_parameters if c.sequences else ideal.ideal_parameters)(
-            drive
-        )
-    else:
-        decide = bit_true_sequences.decide if c.sequences else decide_one_word
-        core = (bit_true_sequences if c.sequences else bit_true).parameters(drive)
-    seen, fluxes = np.empty((n, 4)), np.empty((n, 2), dtype=np.complex128)
-    flags = np.empty((n, 2), dtype=np.int64)
-    inside_i, inside_t = np.empty(n * samples, dtype=np.complex128), np.empty(n * samples)
-    wished = np.empty(0) if scenario.speed_ref is None else scenario.speed_ref
-    _loop(
-        *steps, decide, observer, core,
-        plant or plant_parameters(drive), c.method == "SVM", drive.inverter.vdc,
-        (scenario.torque_ref, scenario.psi_ref, scenario.load, wished), scenario.gains, noise, lsb,
-        *first, seen, fluxes, flags, inside_i, inside_t, min(1.0, c.ts / max(filter_time, c.ts)),
-    )  # fmt: skip
-    return SensorlessRun(
-        c.ts, seen[:, 0], seen[:, 1], fluxes[:, 0], fluxes[:, 1], seen[:, 2], seen[:, 3],
-        flags[:, 0], flags[:, 1], inside_i, inside_t,
+    observer, _, _ = _observer(drive, engine, gains, *first)
+    share = min(1.0, ts / max(filter_time, ts))
+    seen = _Seen(observer, share, np.array([first[2]]))
+    steps = (_see, _go_on) if engine == "ideal" else (_see_words, _go_on_words)
+    return run(
+        drive, scenario, controller_of(drive, engine), wish=(no_wish, 0),
+        observing=Observing(*steps, seen), plant=plant, inside=True,
+        errors=(errors or CurrentErrors()).compiled(drive, len(scenario.torque_ref)),
     )  # fmt: skip
 
 

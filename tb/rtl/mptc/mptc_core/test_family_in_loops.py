@@ -23,10 +23,10 @@ import pytest
 
 from directmpc.host.registers import duty_rule_word
 from directmpc.mptc import bit_true, bit_true_sequences, cycles
+from directmpc.mptc.closed_loop import Run
 from directmpc.mptc.coefficients import registers
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sequence import TIME_STEPS
-from directmpc.mptc.sequence_loop import SequenceRun
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl.clocks import clocks_of
 from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job
@@ -95,7 +95,7 @@ def drive_of(method: str, rule: str) -> MptcDrive:
 
 
 @functools.cache
-def loop(method: str, rule: str, rpm: float) -> SequenceRun:
+def loop(method: str, rule: str, rpm: float) -> Run:
     """A loop of docs/paper-b.md: without load where the prototype has it, else at rated load."""
     drive = drive_of(method, rule)
     if rpm == study.LOW_SPEED and (method, rule) in UNLOADED:
@@ -109,7 +109,7 @@ def loaded_figures(method: str, rpm: float) -> dict[str, float]:
     return study.loaded(drive_of(method, "deadbeat"), rpm).figures()
 
 
-def rtl_decisions(drive: MptcDrive, run: SequenceRun, rows: slice, rtl: Path | None = None):
+def rtl_decisions(drive: MptcDrive, run: Run, rows: slice, rtl: Path | None = None):
     """What the RTL makes of rows of a loop: u1, u2, u3, t1, t2, flags, clocks."""
     trace = run.trace.rows(rows)
     words, clipped = bit_true.encode(drive, trace)
@@ -128,7 +128,7 @@ def rtl_decisions(drive: MptcDrive, run: SequenceRun, rows: slice, rtl: Path | N
     return np.column_stack([found["sequences"], found["decisions"][:, [2, 3, 1]]])
 
 
-def wanted(run: SequenceRun, rows: slice, clocks: int) -> np.ndarray:
+def wanted(run: Run, rows: slice, clocks: int) -> np.ndarray:
     """The same of the loop."""
     steps = np.rint(run.decided.times[rows] * TIME_STEPS).astype(np.int64)
     flags = np.column_stack([run.saturated[rows], run.clamped[rows]])

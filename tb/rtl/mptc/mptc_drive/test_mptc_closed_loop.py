@@ -19,6 +19,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from directmpc import motulator
 from directmpc.mptc import bit_true, closed_loop
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM
@@ -28,7 +29,6 @@ from directmpc.states import MptcState
 from scripts.hdl import mptc_drive_loop as rtl_loop
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl.simulator import SimulationError
-from scripts.studies import motulator_plant
 from tb.helpers import mptc_rows as core
 
 INERTIA = 0.002  # kg*m^2
@@ -40,7 +40,8 @@ LEGS = (1450, 350, 150, 1050)  # periods, see `rtl_loop.tour`
 def test_start_load_step_and_reversal(method: str) -> None:
     drive = core.shipped("motulator_2kw2").with_control(method=method)
     scenario, words = rtl_loop.tour(drive, PSI, LOAD, INERTIA, LEGS)
-    found = motulator_plant.run_rtl(drive, words, scenario, INERTIA)
+    with rtl_loop.controller(drive, words) as rtl:
+        found = motulator.simulate(drive, scenario, rtl, inertia=INERTIA)
     rpm = found.trace.omega_r / drive.machine.pole_pairs / RPM
     started, loaded, freed = np.cumsum(LEGS[:3])
     magnetised = int(np.argmax(found.flux > 0.98 * PSI))
@@ -81,7 +82,7 @@ def test_torque_step_rises_in_less_than_a_millisecond(method: str) -> None:
     wanted = np.where(np.arange(1400) < begin, 0.0, 1.2 * RATED)
     scenario = replace(steady, torque_ref=wanted, current=0j, flux=0j)
     with rtl_loop.controller(drive, joined.parameters(drive)) as rtl:
-        found = motulator_plant.simulate(drive, scenario, rtl)
+        found = motulator.simulate(drive, scenario, rtl)
     torque = found.torque[begin:]
     rise = [int(np.argmax(torque >= share * 1.2 * RATED)) for share in (0.1, 0.9)]
     assert np.abs(found.torque[begin - 100 : begin]).mean() < 1.5

@@ -7,8 +7,8 @@ import random
 import cocotb
 import numpy as np
 
+from directmpc.mptc import closed_loop, speed_observer
 from directmpc.mptc import formats as f
-from directmpc.mptc import sequence_loop, speed_observer
 from directmpc.mptc.closed_loop import constant
 from directmpc.mptc.sequence import TIME_STEPS
 from scripts.hdl.clocks import clocks_of
@@ -157,7 +157,9 @@ async def steps(dut) -> None:
     bench = Bench(dut, given["seed"])
     rng, board, count = bench.rng, bench.board, given["steps"]
     drive = sensorless_drive(core.shipped("induction_2kw2"))
-    run = sequence_loop.simulate(drive, constant(drive, 300.0, 7.0, 0.9, count), engine="ideal")
+    run = closed_loop.simulate(
+        drive, constant(drive, 300.0, 7.0, 0.9, count), engine="ideal", inside=True
+    )
     vectors, times = run.trace.sequences()
     currents = np.rint(run.trace.i_s * 32767.0 / drive.control.current_max).astype(np.int64)
     own = speed_observer.coefficients(drive)
