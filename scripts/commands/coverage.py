@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -38,7 +37,7 @@ def _run(given: argparse.Namespace) -> int | None:
         raise UsageError("argument --page: the table is of all netlists; leave --netlist out")
     wanted = goals.read(given.goals)
     found = goals.measure(given.only or goals.PARTS, wanted, given.netlist)
-    tools.write(given.out, json.dumps(found, indent=1) + "\n")
+    tools.write_json(given.out, found)
     if given.netlist:  # some of the entities
         wanted.rtl = {name: wanted.rtl[name] for name in found["rtl"] if name in wanted.rtl}
     problems = goals.missed(found, wanted)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -49,7 +48,7 @@ def _run(given: argparse.Namespace) -> int | None:
         )
     Console(width=None if sys.stdout.isatty() else 110).print(table)
     results = proofs.document(chosen, outcomes, fitting)
-    tools.write(given.out, json.dumps(results, indent=1) + "\n")
+    tools.write_json(given.out, results)
     problems = [
         f"{one.entity}, {one.configuration}: {wire} {what}"
         for one in outcomes

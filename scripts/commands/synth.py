@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -27,7 +26,7 @@ def _run(given: argparse.Namespace) -> int | None:
     chosen, families = synth.chosen(given.only), synth.families(given.families)
     found = synth.measure_all(chosen, families, given.jobs, given.force)
     Console(width=None if sys.stdout.isatty() else 140).print(synth.table(found.rows))
-    tools.write(given.out, json.dumps(synth.document(found.rows), indent=1) + "\n")
+    tools.write_json(given.out, synth.document(found.rows))
     problems = [] if given.only else synth.coverage(synth.configurations())
     problems += found.problems + budgets.compare_all(found.rows)
     for problem in problems:

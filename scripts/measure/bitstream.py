@@ -319,7 +319,7 @@ def build_all(
             found["reproduced"] = True
             say("built twice: the same bitstream")
     bit = FOLDER / f"{_stem(board, controller)}.bit"
-    tools.write(_result(bit), json.dumps(found, indent=1) + "\n")
+    tools.write_json(_result(bit), found)
     return found, bit
 
 

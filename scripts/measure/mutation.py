@@ -901,4 +901,4 @@ def publish(page: Path = PAGE, results: Path = RESULTS, metrics: Path = METRICS)
     tables.rewrite(page, {MARKS: markdown(units, found, argued)})
     tools.write(page.with_suffix(".svg"), badge(told, len(units)))
     known = json.loads(metrics.read_text(encoding="utf-8")) if metrics.exists() else {}
-    tools.write(metrics, json.dumps(known | {"mutation": figures(told)}, indent=1) + "\n")
+    tools.write_json(metrics, known | {"mutation": figures(told)})

@@ -425,7 +425,7 @@ def place_all(only: Sequence[str], exact: bool, seeds: int, jobs: int) -> int:
         summary = _summarise(one, [entry for entry, _ in runs], runs[0][1])
         stem = BUILD / f"pnr_{one.name.replace('-', '_')}"
         tools.write(stem.with_suffix(".csv"), _csv(summary))
-        tools.write(stem.with_suffix(".json"), json.dumps(summary, indent=1) + "\n")
+        tools.write_json(stem.with_suffix(".json"), summary)
         summaries.append(summary)
     table = Table(title=f"{PART}, {seeds} seeds, target {TARGET_MHZ} MHz")
     for name in ("configuration", "worst MHz", "median MHz", "logic ns", "routing ns", "levels"):

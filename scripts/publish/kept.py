@@ -37,7 +37,7 @@ def _read(path: Path) -> Any:
 
 
 def _write(path: Path, document: Any) -> None:
-    tools.write(path, json.dumps(document, indent=1) + "\n")
+    tools.write_json(path, document)
 
 
 # --- coverage -------------------------------------------------------------------------------------

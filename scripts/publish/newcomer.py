@@ -54,7 +54,7 @@ def keep(log: Path = LOG, path: Path = TIMES) -> None:
         found = times(output)
     except InputError as error:
         raise InputError(f"{log}: {error}") from error
-    tools.write(path, json.dumps(found, indent=1) + "\n")
+    tools.write_json(path, found)
 
 
 def page(page: Path = PAGE, path: Path = TIMES) -> None:

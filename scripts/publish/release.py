@@ -261,6 +261,6 @@ def build(
             "tools": {tool.removeprefix("yowasp-"): tools.version(tool) for tool in names},
             "files": found,
         }
-        tools.write(work / "release.json", json.dumps(known, indent=1) + "\n")
+        tools.write_json(work / "release.json", known)
         work.rename(out)
     return out

@@ -703,7 +703,7 @@ def write_resources() -> None:
     mptc_report.held_resources(document["mptc"])
     document[DESIGNS[DEFAULT_VARIANT].key]["sese"]["xc3s"] = horizon_study.figures()["xc3s"]
     document["resources_commit"] = commit
-    tools.write(path, json.dumps(document, indent=1) + "\n")
+    tools.write_json(path, document)
     write_tables(document)
 
 
@@ -1024,7 +1024,7 @@ def _build(
         for variant, design in DESIGNS.items():
             document[design.key]["fidelity"] |= accuracy.figures(variant)
         document |= study_figures.sections()
-        tools.write(path, json.dumps(document, indent=1) + "\n")
+        tools.write_json(path, document)
         write_resources()
         mptc_report.write_texts(document["mptc"])
         evidence.write_page()
@@ -1053,7 +1053,7 @@ def _write_sources(every: Iterable[Stage], say: Callable[[str], None]) -> None:
     provenance.put_commits(document)
     document["sources"] = {"commit": commit, "others": _old(every, say)}
     with all_or_nothing():
-        tools.write(path, json.dumps(document, indent=1) + "\n")
+        tools.write_json(path, document)
         write_tables(document)
 
 
@@ -1087,7 +1087,7 @@ def regenerate(
         provenance.put_commits(document)
         document["mptc"] = mptc_report.merged(document["mptc"], mptc_report.clocks())
         with all_or_nothing():
-            tools.write(path, json.dumps(document, indent=1) + "\n")
+            tools.write_json(path, document)
             write_tables(document)
             mptc_report.write_texts(document["mptc"])
             for stage in studies(jobs):

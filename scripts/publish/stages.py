@@ -172,7 +172,7 @@ def record(results: dict[str, Path], reports: Path = REPORTS) -> dict[str, Any]:
             "files": {path.name: _digest(path) for path in _published(done)},
             "figures": figures(done) if has_figures(done) else None,
         }
-    tools.write(reports / RECORD, json.dumps(dict(sorted(known.items())), indent=1) + "\n")
+    tools.write_json(reports / RECORD, dict(sorted(known.items())))
     return known
 
 

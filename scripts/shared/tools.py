@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import json
 import os
 import re
 import shutil
@@ -12,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from directmpc import output_files
 
@@ -106,6 +108,27 @@ def write(out: Path, text: str) -> None:
     """Write a file so that a reader sees the old one or the new one."""
     with replacing(out) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def json_text(value: Any, room: int = 400, indent: int = 0) -> str:
+    """JSON with a line for each value that fits into one, so that a file is read and compared."""
+    line = json.dumps(value)
+    if len(line) <= room or not isinstance(value, dict | list) or not value:
+        return line
+    inner = " " * (indent + 1)
+    if isinstance(value, list):
+        open_, close = "[", "]"
+        rows = [json_text(one, room, indent + 1) for one in value]
+    else:
+        open_, close = "{", "}"
+        rows = [f"{json.dumps(k)}: {json_text(v, room, indent + 1)}" for k, v in value.items()]
+    body = ",\n".join(inner + row for row in rows)
+    return f"{open_}\n{body}\n{' ' * indent}{close}"
+
+
+def write_json(out: Path, value: Any) -> None:
+    """Write a file of `json_text`, or leave it as it is."""
+    write(out, json_text(value) + "\n")
 
 
 def parse_generics(pairs: Iterable[str]) -> Generics:

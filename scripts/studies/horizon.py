@@ -488,7 +488,7 @@ def study(
         "steps": len(deep) * steps,
         "steps_rtl": count,
     }
-    tools.write(out / "sese.json", json.dumps(numbers, indent=1) + "\n")
+    tools.write_json(out / "sese.json", numbers)
     if out == REPORTS:
         write_page()
     print("\n".join(lines))
@@ -498,7 +498,7 @@ def study(
         document = json.loads(path.read_text(encoding="utf-8"))
         # clock frequencies stand there already
         document.setdefault("mpdcc", {}).setdefault("sese", {}).update(figures(out))
-        tools.write(path, json.dumps(document, indent=1) + "\n")
+        tools.write_json(path, document)
 
 
 def draw_stored(drive: Path, out: Path = REPORTS) -> None:

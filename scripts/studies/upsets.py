@@ -349,7 +349,7 @@ def _kept(path: Path, seed: int, times: int) -> dict[str, Any]:
 
 def _write(path: Path, document: dict[str, Any]) -> None:
     document["commit"], _ = tools.git_state()
-    tools.write(path, json.dumps(document, indent=1) + "\n")
+    tools.write_json(path, document)
 
 
 def run(

@@ -95,7 +95,7 @@ def write(found: dict[str, Any]) -> None:
     ):
         tools.write(REPORTS / f"{name}.csv", tables.csv_text(rows, head))
     draw_stored()
-    tools.write(REPORTS / "fidelity.json", json.dumps(figures, indent=1) + "\n")
+    tools.write_json(REPORTS / "fidelity.json", figures)
     write_page()
 
 

@@ -110,7 +110,7 @@ def _write(path: Path, seed: int, sums: dict[str, Sums]) -> None:
     commit, _ = tools.git_state()
     document: dict[str, Any] = {"seed": seed, "rows": blocks.ROWS, "commit": commit}
     document |= {name: one.document() for name, one in sums.items()}
-    tools.write(path, json.dumps(document, indent=1) + "\n")
+    tools.write_json(path, document)
 
 
 def _one(controller: str, number: int, seed: int) -> blocks.Outcome:
