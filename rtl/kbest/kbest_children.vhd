@@ -357,10 +357,10 @@ begin
       states(3)  <= states(2);
       factors(0) <= resize(shift_right(states(2).u, SQUARED_SHIFT), FACTOR_WIDTH);
       factors(1) <= resize(shift_right(states(2).w, SQUARED_SHIFT), FACTOR_WIDTH);
-      factors(2) <= ahead(states(2).u, before_2.u, long_2, 3, SQUARED_SHIFT);
-      factors(3) <= ahead(states(2).w, before_2.w, long_2, 3, SQUARED_SHIFT);
-      factors(4) <= ahead(states(2).v_n, before_2.v_n, long_2, 2, 0);
-      factors(5) <= ahead(moved_2, from_2, long_2, 2, 0);
+      factors(2) <= resize(ahead(states(2).u, before_2.u, long_2, 3, ERROR_AHEAD_SHIFT), FACTOR_WIDTH);
+      factors(3) <= resize(ahead(states(2).w, before_2.w, long_2, 3, ERROR_AHEAD_SHIFT), FACTOR_WIDTH);
+      factors(4) <= resize(ahead(states(2).v_n, before_2.v_n, long_2, 2, VOLTAGE_AHEAD_SHIFT), FACTOR_WIDTH);
+      factors(5) <= resize(ahead(moved_2, from_2, long_2, 2, VOLTAGE_AHEAD_SHIFT), FACTOR_WIDTH);
       over_n_3   <= excess(states(2).v_n, settings.bound_neutral);
       over_p_3   <= excess(moved_2, settings.bound_phase);
       move_3     <= move_2;
@@ -384,16 +384,18 @@ begin
 
       -- 5: costs
       states(5) <= states(4);
-      error_5   <= cost_of(three(squares(0), squares(1)), COST_SHIFT, "0", long_4);
-      more      := cost_of(square_n, VOLTAGE_COST_SHIFT, settings.weight_neutral, long_4);
+      error_5   <= resize(three(cost_of(squares(0), COST_SHIFT, "0", long_4),
+                               cost_of(squares(1), COST_SHIFT, "0", long_4)), error_5'length);
+      more      := cost_of(square_n(2 * EXCESS_WIDTH - 1 downto 0), EXCESS_SHIFT, settings.weight_neutral, long_4);
 
       if (move_4 = '1') then
-        more := more + cost_of(square_p, VOLTAGE_COST_SHIFT, settings.weight_phase, long_4);
+        more := more + cost_of(square_p(2 * EXCESS_WIDTH - 1 downto 0), EXCESS_SHIFT, settings.weight_phase, long_4);
       end if;
 
       volt_5   <= more;
       cost_5   <= cost_4;
-      ahead_e5 <= resize(shift_right(three(squares(2), squares(3)), CURRENT_AHEAD_SHIFT), 31);
+      ahead_e5 <= resize(three(shift_right(squares(2), CURRENT_AHEAD_SHIFT),
+                                shift_right(squares(3), CURRENT_AHEAD_SHIFT)), 31);
       more     := resize(ahead_4, more'length) + resize(shift_right(squares(4), NEUTRAL_AHEAD_SHIFT), 31);
 
       if (move_4 = '1') then

@@ -7,33 +7,31 @@
 package kbest_constants is
 
   constant FACTOR_WIDTH : natural := 18; -- bits of a factor of every product, signed
-  constant ERROR_WIDTH : natural := 22; -- bits of a node's error, signed
-  constant SQUARED_SHIFT : natural := 4; -- low bits of an error that its square leaves out
-  constant VOLTAGE_WIDTH : natural := 18; -- bits of v_n and of deviations of v_ph, signed
-  constant VECTOR_WIDTH : natural := 18; -- bits of reference and drift, signed
-  constant VECTOR_SHIFT : natural := 2; -- left shift of a current to a reference, and of a drift to an error
+  constant ERROR_WIDTH : natural := 19; -- bits of a node's error, signed
+  constant SQUARED_SHIFT : natural := 2; -- low bits of an error that its square leaves out
+  constant VOLTAGE_WIDTH : natural := 16; -- bits of v_n and of deviations of v_ph, signed
+  constant VOLTAGE_SHIFT : natural := 2; -- right shift of measured voltages
+  constant VECTOR_SHIFT : natural := 2; -- left shift of a current to a reference or an error
   constant FLUX_SHIFT : natural := 2; -- left shift of a flux
-  constant CHARGE_WIDTH : natural := 18; -- bits of what a stage adds to a voltage, signed
-  constant LEVEL_WIDTH : natural := 18; -- bits of a quarter of the dc link, signed
-  constant COST_WIDTH : natural := 27; -- bits of costs and keys, unsigned
-  constant EFFORT_WIDTH : natural := 15; -- bits of lambda_u, unsigned
-  constant COST_SHIFT : natural := 12; -- right shift of squares of errors to a cost
-  constant VOLTAGE_COST_SHIFT : natural := 16; -- right shift of squares of voltages to a cost, at a weight of one
-  constant CURRENT_AHEAD_SHIFT : natural := 13; -- right shift of the square of the error ahead
-  constant CAPACITOR_AHEAD_SHIFT : natural := 18; -- right shift of the square of v_ph ahead
-  constant NEUTRAL_AHEAD_SHIFT : natural := 14; -- right shift of the square of v_n ahead
-  constant ANGLE_FRACTION : natural := 18; -- bits of an angle below one
-  constant SINE_FRACTION : natural := 17; -- bits of a sine below one
-  constant COSINE_FRACTION : natural := 23; -- bits of 1 - cos below one
-  constant DECAY_FRACTION : natural := 18; -- bits of 1 - a11 below one
-  constant FLUX_FACTOR_FRACTION : natural := 16; -- bits of a12 below one
+  constant SPEED_SHIFT : natural := 2; -- left shift of a speed
+  constant FRACTION : natural := 17; -- right shift of sums of products of a stage's terms
   constant FORCED_FRACTION : natural := 15; -- bits of a voltage's effect below one
-  constant CHARGE_FRACTION : natural := 18; -- bits of a charge's effect below one
-  constant SPEED_FRACTION : natural := 16; -- right shift of products with a speed
+  constant COST_WIDTH : natural := 22; -- bits of costs and keys, unsigned
+  constant EFFORT_WIDTH : natural := 13; -- bits of lambda_u, unsigned
+  constant COST_SHIFT : natural := 14; -- right shift of squares of errors to a cost
+  constant EXCESS_WIDTH : natural := 13; -- bits of the excess of a voltage, unsigned
+  constant EXCESS_SHIFT : natural := 14; -- right shift of its square to a cost, at a weight of one
+  constant AHEAD_WIDTH : natural := 14; -- bits of errors and voltages ahead, signed
+  constant ERROR_AHEAD_SHIFT : natural := 6; -- low bits of an error that the one ahead leaves out
+  constant VOLTAGE_AHEAD_SHIFT : natural := 2; -- low bits of a voltage that the one ahead leaves out
+  constant CURRENT_AHEAD_SHIFT : natural := 7; -- right shift of the square of the error ahead
+  constant CAPACITOR_AHEAD_SHIFT : natural := 12; -- right shift of the square of v_ph ahead
+  constant NEUTRAL_AHEAD_SHIFT : natural := 8; -- right shift of the square of v_n ahead
 
-  constant ROOT : natural := 113512; -- sqrt(3), 16 fractional bits
-  constant INVERSE_ROOT : natural := 75674; -- 1/sqrt(3), 17 of them
-  constant THIRD : natural := 43691; -- 1/3, 17 of them
+  constant INVERSE_ROOT : natural := 75674; -- 1/sqrt(3)
+  constant THIRD : natural := 43691; -- 1/3
+  constant SIXTH : natural := 21845; -- 1/6
+  constant EIGHTH : natural := 16384; -- 1/8
 
   type by_position_t is array (0 to 7) of integer;
 

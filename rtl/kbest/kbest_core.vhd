@@ -55,7 +55,7 @@ entity kbest_core is
     plan     : in    std_logic_vector(4 * STAGES - 1 downto 0); -- code of each stage, the first rightmost
     odd      : in    std_logic;                                 -- '1': the period is an odd one
     -- parameters from a drive file, stable from start to valid; coefficients signed
-    c_angle     : in    std_logic_vector(FACTOR_WIDTH - 1 downto 0); -- angle of a step, of omega_s
+    c_angle     : in    std_logic_vector(FACTOR_WIDTH - 1 downto 0); -- angle of a step times sqrt(3), of omega_s
     c_decay_1   : in    std_logic_vector(FACTOR_WIDTH - 1 downto 0); -- 1 - a11 over one step
     c_decay_2   : in    std_logic_vector(FACTOR_WIDTH - 1 downto 0); -- 1 - a11 over two steps
     c_flux_0    : in    std_logic_vector(FACTOR_WIDTH - 1 downto 0); -- a12, constant
@@ -70,8 +70,8 @@ entity kbest_core is
     c_capacitor : in    std_logic_vector(FACTOR_WIDTH - 1 downto 0); -- T_s/X_ph
     -- settings, stable from start to valid
     effort         : in    std_logic_vector(EFFORT_WIDTH - 1 downto 0);  -- lambda_u, unsigned
-    bound_neutral  : in    std_logic_vector(VOLTAGE_WIDTH - 2 downto 0); -- unsigned, 1/64012.5 pu
-    bound_phase    : in    std_logic_vector(VOLTAGE_WIDTH - 2 downto 0); -- unsigned, 1/64012.5 pu
+    bound_neutral  : in    std_logic_vector(VOLTAGE_WIDTH - 2 downto 0); -- unsigned, 1/16003.125 pu
+    bound_phase    : in    std_logic_vector(VOLTAGE_WIDTH - 2 downto 0); -- unsigned, 1/16003.125 pu
     weight_neutral : in    std_logic_vector(3 downto 0);                 -- exponent of two, 0 to 10
     weight_phase   : in    std_logic_vector(3 downto 0);                 -- exponent of two, 0 to 10
     short_stages   : in    std_logic_vector(3 downto 0);                 -- stages of one step, 1 to 8
@@ -85,7 +85,7 @@ entity kbest_core is
     held      : out   std_logic;                                 -- '1': s(k-1) is kept
     plan_next : out   std_logic_vector(4 * STAGES - 1 downto 0); -- plan for the next start
     odd_next  : out   std_logic;                                 -- '1': its period is an odd one
-    cost      : out   std_logic_vector(COST_WIDTH - 1 downto 0); -- key of the plan found, unsigned, 1/62500 pu**2
+    cost      : out   std_logic_vector(COST_WIDTH - 1 downto 0); -- key of the plan found, unsigned, 1/15625 pu**2
     saturated : out   std_logic                                  -- '1': a value did not fit its word
   );
 end entity kbest_core;
@@ -249,10 +249,10 @@ begin
       rst          => rst,
       start        => begin_all,
       is_beta      => m_is_beta,
-      psir_alpha   => signed(psir_alpha),
+      psir_alpha   => m_psir_alpha,
       psir_beta    => m_psir_beta,
       v_dc         => m_v_dc,
-      iref_alpha   => signed(iref_alpha),
+      iref_alpha   => m_iref_alpha,
       iref_beta    => m_iref_beta,
       omega_s      => m_omega_s,
       omega_r      => m_omega_r,
@@ -268,9 +268,9 @@ begin
     );
 
   -- the node of the measurements
-  first_node.u         <= shift_left(resize(m_iref_alpha, ERROR_WIDTH) - m_is_alpha, SQUARED_SHIFT);
+  first_node.u         <= shift_left(resize(m_iref_alpha, ERROR_WIDTH) - m_is_alpha, VECTOR_SHIFT);
   first_node.w         <= error_w;
-  first_node.v_n       <= resize(m_v_n, VOLTAGE_WIDTH);
+  first_node.v_n       <= shift_right(m_v_n, VOLTAGE_SHIFT);
   first_node.d         <= deviations;
   first_node.cost      <= (others => '0');
   first_node.positions <= positions;
@@ -399,7 +399,7 @@ begin
 
   p_search : process (clk) is
 
-    variable wide : signed(VOLTAGE_WIDTH downto 0);
+    variable wide : signed(17 downto 0);
     variable path : path_t;
     variable code : natural range 0 to 15;
     variable move : positions_t;
@@ -486,22 +486,13 @@ begin
             positions     <= (unsigned(s_prev_a), unsigned(s_prev_b), unsigned(s_prev_c));
             planned       <= plan;
             period        <= odd;
+            flagged       <= '0';
             wide          := signed('0' & v_ph_a & '0') - signed(resize(unsigned(v_dc), wide'length));
-            deviations(0) <= clip(wide, VOLTAGE_WIDTH);
-            flagged       <= overflows(wide, VOLTAGE_WIDTH);
+            deviations(0) <= wide(VOLTAGE_SHIFT + VOLTAGE_WIDTH - 1 downto VOLTAGE_SHIFT);
             wide          := signed('0' & v_ph_b & '0') - signed(resize(unsigned(v_dc), wide'length));
-            deviations(1) <= clip(wide, VOLTAGE_WIDTH);
-
-            if (overflows(wide, VOLTAGE_WIDTH) = '1') then
-              flagged <= '1';
-            end if;
-
+            deviations(1) <= wide(VOLTAGE_SHIFT + VOLTAGE_WIDTH - 1 downto VOLTAGE_SHIFT);
             wide          := signed('0' & v_ph_c & '0') - signed(resize(unsigned(v_dc), wide'length));
-            deviations(2) <= clip(wide, VOLTAGE_WIDTH);
-
-            if (overflows(wide, VOLTAGE_WIDTH) = '1') then
-              flagged <= '1';
-            end if;
+            deviations(2) <= wide(VOLTAGE_SHIFT + VOLTAGE_WIDTH - 1 downto VOLTAGE_SHIFT);
 
             c_place    <= to_unsigned(1, place_t'length);
             f_place    <= to_unsigned(1, place_t'length);

@@ -53,18 +53,18 @@ architecture rtl of kbest_node is
   function effect (product : signed) return error_t is
   begin
 
-    return resize(shift_right(product + 2 ** (FORCED_FRACTION - 1), FORCED_FRACTION), ERROR_WIDTH);
+    return resize(shift_right(product, FORCED_FRACTION), ERROR_WIDTH);
 
   end function effect;
 
   -- product as a decay of an error
   function decay_of (product : signed) return error_t is
 
-    constant SHIFT : natural := DECAY_FRACTION - SQUARED_SHIFT;
+    constant SHIFT : natural := FRACTION - SQUARED_SHIFT;
 
   begin
 
-    return resize(shift_right(product + 2 ** (SHIFT - 1), SHIFT), ERROR_WIDTH);
+    return resize(shift_right(product, SHIFT), ERROR_WIDTH);
 
   end function decay_of;
 
@@ -107,15 +107,15 @@ begin
 
       -- operands: v_n and two of v_ph; the third; decay of the error, beside the squares
       if (steps(0) = '1') then
-        a(0) <= found.node.v_n;
-        a(1) <= found.node.d(0);
-        a(2) <= found.node.d(1);
+        a(0) <= resize(found.node.v_n, FACTOR_WIDTH);
+        a(1) <= resize(found.node.d(0), FACTOR_WIDTH);
+        a(2) <= resize(found.node.d(1), FACTOR_WIDTH);
 
         for i in 0 to 2 loop
           b(i) <= found.stage.forced;
         end loop;
       elsif (steps(1) = '1') then
-        a(0) <= found.node.d(2);
+        a(0) <= resize(found.node.d(2), FACTOR_WIDTH);
       elsif (steps(2) = '1') then
         a(0) <= resize(shift_right(found.node.u, SQUARED_SHIFT), FACTOR_WIDTH);
         b(0) <= found.stage.decay;
@@ -127,8 +127,9 @@ begin
         if (steps(x + 1) = '1') then
           a(1) <= excess(found.d(x), settings.bound_phase);
           b(1) <= excess(found.d(x), settings.bound_phase);
-          a(2) <= ahead(found.d(x), found.node.d(x), found.stage.long, 2, 0);
-          b(2) <= ahead(found.d(x), found.node.d(x), found.stage.long, 2, 0);
+          a(2) <= resize(ahead(found.d(x), found.node.d(x), found.stage.long, 2, VOLTAGE_AHEAD_SHIFT),
+                         FACTOR_WIDTH);
+          b(2) <= resize(ahead(found.d(x), found.node.d(x), found.stage.long, 2, VOLTAGE_AHEAD_SHIFT), FACTOR_WIDTH);
         end if;
       end loop;
 
@@ -145,7 +146,7 @@ begin
 
       for x in 0 to 2 loop
         if (steps(x + 3) = '1') then
-          found.costs(x)  <= cost_of(unsigned(products(1)), VOLTAGE_COST_SHIFT, settings.weight_phase,
+          found.costs(x)  <= cost_of(unsigned(products(1)(2 * EXCESS_WIDTH - 1 downto 0)), EXCESS_SHIFT, settings.weight_phase,
                                      found.stage.long);
           found.aheads(x) <= resize(shift_right(unsigned(products(2)), CAPACITOR_AHEAD_SHIFT), ahead_cost_t'length);
         end if;

@@ -1,11 +1,12 @@
--- What all nodes of a stage share: drift of the error, charges, decay (docs/specification.md, 10.1 and 10.7).
+-- What all nodes of a stage share: drift of the error, charges, level (docs/specification.md, 10.1 and 10.7).
 --
--- One multiplier and one sum work through a program.  Its first part forms the angle of a step, the
--- reference and the drift of one step at k, and the first error.  Its second part runs once for each
--- stage, or twice for one of two steps, and turns reference and drift by a step at a time.
+-- One multiplier and one sum work through a program, which lies in a block RAM; the words lie in two small
+-- files, one for each operand.  The first part of the program forms the angle of a step, the reference and the
+-- drift of one step at k, and the first error.  A part for a stage of one step and one for a stage of two turn
+-- reference and drift by a step at a time.
 -- Formats: as directmpc.kbest.formats has them.
--- Latency: 47 clocks from start to the first stage; 18 more after taken for a stage of one step, 30 for
--- one of two.
+-- Latency: 54 from start to the first stage; from taken to ready 30 for a stage of one
+-- step and 37 for one of two, 13 more where it is taken at once.
 -- Overflow: words saturate; saturated says so for one clock.
 -- Licence: Apache-2.0
 
@@ -45,113 +46,230 @@ end entity kbest_terms;
 
 architecture rtl of kbest_terms is
 
-  type source_t is (
-    ANGLE, LESS, CUBIC, SINE, SINE_U, SINE_W, REF_U, REF_W, FLUX_U, FLUX_W, SQUARE, STRAIGHT, ACROSS_U,
-    ACROSS_W, DRIFT_U, DRIFT_W, LEVEL_1, LEVEL_2, NEXT_U, NEXT_W, LATER_U, LATER_W, LOSS_U, LOSS_W,
-    DRAWN_A, DRAWN_B, CHARGED_A, CHARGED_B, ERROR_B,
-    OMEGA_STATOR, OMEGA_ROTOR, REF_BETA, FLUX_BETA, LINK, DIFFERENCE, MIDDLE_A, MIDDLE_B,
+  -- words of operand A; the first eight come in pairs, which change places after a step
+  type a_word_t is (
+    REF_U, NEXT_U, REF_W, NEXT_W, DRIFT_U, LATER_U, DRIFT_W, LATER_W,
+    FLUX_U, FLUX_W, ANGLE_A, SQUARE, HALF_A, HALF_B, SPARE_A, SPARE_B,
+    OMEGA_STATOR, OMEGA_ROTOR, REF_ALPHA, REF_BETA, FLUX_ALPHA, FLUX_BETA, LINK, CURRENT_BETA, ONE
+  );
+
+  -- words of operand B
+  type b_word_t is (
+    LESS, HALF_SINE, SINE_U, SINE_W, ACROSS_U, ACROSS_W, STRAIGHT, NONE,
+    EIGHTH_1, EIGHTH_2, EIGHTH_3, EIGHTH_4, EIGHTH_6, INVERSE, THIRD_1, SIXTH_1,
     C_ANGLE, C_DECAY, C_FLUX_0, C_FLUX_2, C_FLUX_U, C_FLUX_W, C_LEVEL_1, C_LEVEL_2, C_NEUTRAL, C_CAPACITOR,
-    K_ROOT, K_INVERSE, K_THIRD, NONE
+    B_ROTOR, B_ONE
   );
 
-  type step_t is record
-    a     : source_t;
-    b     : source_t;
-    shift : natural range 0 to 10; -- left shift of the product
-    minus : boolean;               -- it is taken off
-    first : boolean;               -- of a sum
-    last  : boolean;
-    base  : source_t;              -- what the sum is added to
-    goal  : source_t;              -- register of the result
-  end record step_t;
+  -- where a sum goes: nowhere yet, a word of A, of B, of both, or out
+  type goal_t is (NOT_YET, TO_A, TO_B, TO_BOTH, OUTSIDE);
 
-  type program_t is array (natural range <>) of step_t;
+  -- what goes out
+  type out_word_t is (
+    OUT_ERROR, OUT_DRIFT_U, OUT_DRIFT_W, OUT_LEVEL, OUT_NEUTRAL_A, OUT_NEUTRAL_B, OUT_NEUTRAL_C, OUT_SPARE,
+    OUT_PHASE_A, OUT_PHASE_B, OUT_PHASE_C
+  );
 
-  constant IDLE : step_t := (NONE, NONE, 0, false, true, false, NONE, NONE);
+  type row_t is record
+    a     : a_word_t;
+    b     : b_word_t;
+    plus  : boolean; -- the product is added, else taken off
+    first : boolean; -- of a sum
+    goal  : goal_t;
+    place : natural range 0 to 15; -- number of the word
+  end record row_t;
 
+  type program_t is array (natural range <>) of row_t;
+
+  -- ONE and B_ONE are -1, as 1 does not fit: what is taken off with them is added
   constant WORK_STEPS : program_t := (
-    (OMEGA_STATOR, C_ANGLE, 7, false, true, true, NONE, ANGLE),
-    (REF_BETA, K_INVERSE, 8, false, true, true, NONE, REF_W),
-    (FLUX_BETA, K_INVERSE, 8, false, true, true, NONE, FLUX_W),
-    (OMEGA_ROTOR, OMEGA_ROTOR, 7, false, true, true, NONE, SQUARE),
-    (ANGLE, ANGLE, 9, false, true, true, NONE, LESS),
-    (OMEGA_ROTOR, C_FLUX_U, 7, false, true, true, NONE, ACROSS_U),
-    (OMEGA_ROTOR, C_FLUX_W, 7, false, true, true, NONE, ACROSS_W),
-    (SQUARE, C_FLUX_2, 7, false, true, true, C_FLUX_0, STRAIGHT),
-    (ANGLE, LESS, 0, false, true, true, NONE, CUBIC),
-    (LINK, C_LEVEL_1, 8, false, true, true, NONE, LEVEL_1),
-    (LINK, C_LEVEL_2, 8, false, true, true, NONE, LEVEL_2),
-    (DIFFERENCE, K_INVERSE, 10, false, true, true, NONE, ERROR_B),
-    (CUBIC, K_THIRD, 6, true, true, true, ANGLE, SINE),
-    IDLE, IDLE, IDLE,
-    (SINE, K_ROOT, 6, false, true, true, NONE, SINE_U),
-    (SINE, K_INVERSE, 5, false, true, true, NONE, SINE_W),
-    (LESS, REF_U, 0, true, true, false, NONE, NONE),
-    (REF_U, C_DECAY, 5, false, false, false, NONE, NONE),
-    (ACROSS_U, FLUX_W, 7, false, false, false, NONE, NONE),
-    (STRAIGHT, FLUX_U, 7, true, false, false, NONE, NONE),
-    (SINE_U, REF_W, 6, true, false, true, NONE, DRIFT_U),
-    (LESS, REF_W, 0, true, true, false, NONE, NONE),
-    (REF_W, C_DECAY, 5, false, false, false, NONE, NONE),
-    (ACROSS_W, FLUX_U, 7, true, false, false, NONE, NONE),
-    (STRAIGHT, FLUX_W, 7, true, false, false, NONE, NONE),
-    (SINE_W, REF_U, 6, false, false, true, NONE, DRIFT_W),
-    -- once a step
-    (LESS, REF_U, 0, true, true, false, NONE, NONE),
-    (SINE_U, REF_W, 6, true, false, true, REF_U, NEXT_U),
-    (LESS, REF_W, 0, true, true, false, NONE, NONE),
-    (SINE_W, REF_U, 6, false, false, true, REF_W, NEXT_W),
-    (LESS, DRIFT_U, 0, true, true, false, NONE, NONE),
-    (SINE_U, DRIFT_W, 6, true, false, true, DRIFT_U, LATER_U),
-    (LESS, DRIFT_W, 0, true, true, false, NONE, NONE),
-    (SINE_W, DRIFT_U, 6, false, false, true, DRIFT_W, LATER_W),
-    -- once a stage
-    (DRIFT_U, C_DECAY, 7, false, true, true, NONE, LOSS_U),
-    (DRIFT_W, C_DECAY, 7, false, true, true, NONE, LOSS_W),
-    (MIDDLE_A, C_NEUTRAL, 5, false, true, true, NONE, DRAWN_A),
-    (MIDDLE_B, C_NEUTRAL, 5, false, true, true, NONE, DRAWN_B),
-    (MIDDLE_A, C_CAPACITOR, 5, false, true, true, NONE, CHARGED_A),
-    (MIDDLE_B, C_CAPACITOR, 5, false, true, true, NONE, CHARGED_B),
-    IDLE, IDLE, IDLE, IDLE
+    (OMEGA_STATOR, C_ANGLE, true, true, TO_BOTH, a_word_t'pos(ANGLE_A)),
+    (REF_BETA, INVERSE, true, true, TO_A, a_word_t'pos(REF_W)),
+    (FLUX_BETA, INVERSE, true, true, TO_A, a_word_t'pos(FLUX_W)),
+    (OMEGA_ROTOR, B_ROTOR, true, true, TO_A, a_word_t'pos(SQUARE)),
+    (ANGLE_A, THIRD_1, true, true, TO_B, b_word_t'pos(SINE_W)),
+    (ANGLE_A, SIXTH_1, true, true, TO_B, b_word_t'pos(HALF_SINE)),
+    (OMEGA_ROTOR, C_FLUX_U, true, true, TO_B, b_word_t'pos(ACROSS_U)),
+    (OMEGA_ROTOR, C_FLUX_W, true, true, TO_B, b_word_t'pos(ACROSS_W)),
+    (ONE, C_FLUX_0, false, true, NOT_YET, 0),
+    (SQUARE, C_FLUX_2, true, false, TO_B, b_word_t'pos(STRAIGHT)),
+    (ANGLE_A, HALF_SINE, true, true, TO_B, b_word_t'pos(LESS)),
+    (REF_ALPHA, B_ONE, false, true, TO_A, a_word_t'pos(REF_U)),
+    (FLUX_ALPHA, B_ONE, false, true, TO_A, a_word_t'pos(FLUX_U)),
+    (REF_W, SINE_U, false, true, NOT_YET, 0),
+    (FLUX_W, ACROSS_U, true, false, NOT_YET, 0),
+    (REF_U, C_DECAY, true, false, NOT_YET, 0),
+    (REF_U, LESS, false, false, NOT_YET, 0),
+    (FLUX_U, STRAIGHT, false, false, TO_A, a_word_t'pos(DRIFT_U)),
+    (REF_W, C_DECAY, true, true, NOT_YET, 0),
+    (FLUX_U, ACROSS_W, false, false, NOT_YET, 0),
+    (FLUX_W, STRAIGHT, false, false, NOT_YET, 0),
+    (REF_U, SINE_W, true, false, NOT_YET, 0),
+    (REF_W, LESS, false, false, TO_A, a_word_t'pos(DRIFT_W)),
+    (REF_BETA, INVERSE, true, true, NOT_YET, 0),
+    (CURRENT_BETA, INVERSE, false, false, OUTSIDE, out_word_t'pos(OUT_ERROR)),
+    -- a stage of one step
+    (REF_U, B_ONE, false, true, NOT_YET, 0),
+    (REF_U, LESS, false, false, NOT_YET, 0),
+    (REF_W, SINE_U, false, false, TO_A, a_word_t'pos(NEXT_U)),
+    (REF_W, B_ONE, false, true, NOT_YET, 0),
+    (REF_W, LESS, false, false, NOT_YET, 0),
+    (REF_U, SINE_W, true, false, TO_A, a_word_t'pos(NEXT_W)),
+    (LINK, C_LEVEL_1, true, true, OUTSIDE, out_word_t'pos(OUT_LEVEL)),
+    (REF_U, EIGHTH_2, true, true, NOT_YET, 0),
+    (NEXT_U, EIGHTH_2, true, false, TO_A, a_word_t'pos(HALF_A)),
+    (REF_U, EIGHTH_1, false, true, NOT_YET, 0),
+    (NEXT_U, EIGHTH_1, false, false, NOT_YET, 0),
+    (REF_W, EIGHTH_3, true, false, NOT_YET, 0),
+    (NEXT_W, EIGHTH_3, true, false, TO_A, a_word_t'pos(HALF_B)),
+    (HALF_A, C_NEUTRAL, true, true, OUTSIDE, out_word_t'pos(OUT_NEUTRAL_A)),
+    (HALF_A, C_CAPACITOR, true, true, OUTSIDE, out_word_t'pos(OUT_PHASE_A)),
+    (DRIFT_U, B_ONE, false, true, OUTSIDE, out_word_t'pos(OUT_DRIFT_U)),
+    (DRIFT_W, B_ONE, false, true, OUTSIDE, out_word_t'pos(OUT_DRIFT_W)),
+    (HALF_B, C_NEUTRAL, true, true, OUTSIDE, out_word_t'pos(OUT_NEUTRAL_B)),
+    (HALF_B, C_CAPACITOR, true, true, OUTSIDE, out_word_t'pos(OUT_PHASE_B)),
+    (HALF_A, C_NEUTRAL, false, true, NOT_YET, 0),
+    (HALF_B, C_NEUTRAL, false, false, OUTSIDE, out_word_t'pos(OUT_NEUTRAL_C)),
+    (HALF_A, C_CAPACITOR, false, true, NOT_YET, 0),
+    (HALF_B, C_CAPACITOR, false, false, OUTSIDE, out_word_t'pos(OUT_PHASE_C)),
+    (DRIFT_U, B_ONE, false, true, NOT_YET, 0),
+    (DRIFT_U, LESS, false, false, NOT_YET, 0),
+    (DRIFT_W, SINE_U, false, false, TO_A, a_word_t'pos(LATER_U)),
+    (DRIFT_W, B_ONE, false, true, NOT_YET, 0),
+    (DRIFT_W, LESS, false, false, NOT_YET, 0),
+    (DRIFT_U, SINE_W, true, false, TO_A, a_word_t'pos(LATER_W)),
+    -- a stage of two steps
+    (REF_U, B_ONE, false, true, NOT_YET, 0),
+    (REF_U, LESS, false, false, NOT_YET, 0),
+    (REF_W, SINE_U, false, false, TO_A, a_word_t'pos(NEXT_U)),
+    (REF_W, B_ONE, false, true, NOT_YET, 0),
+    (REF_W, LESS, false, false, NOT_YET, 0),
+    (REF_U, SINE_W, true, false, TO_A, a_word_t'pos(NEXT_W)),
+    (NEXT_U, EIGHTH_4, true, true, TO_A, a_word_t'pos(HALF_A)),
+    (LINK, C_LEVEL_2, true, true, OUTSIDE, out_word_t'pos(OUT_LEVEL)),
+    (NEXT_U, EIGHTH_2, false, true, NOT_YET, 0),
+    (NEXT_W, EIGHTH_6, true, false, TO_A, a_word_t'pos(HALF_B)),
+    (HALF_A, C_NEUTRAL, true, true, OUTSIDE, out_word_t'pos(OUT_NEUTRAL_A)),
+    (HALF_A, C_CAPACITOR, true, true, OUTSIDE, out_word_t'pos(OUT_PHASE_A)),
+    (DRIFT_U, B_ONE, false, true, NOT_YET, 0),
+    (DRIFT_U, LESS, false, false, NOT_YET, 0),
+    (DRIFT_W, SINE_U, false, false, TO_A, a_word_t'pos(LATER_U)),
+    (HALF_B, C_NEUTRAL, true, true, OUTSIDE, out_word_t'pos(OUT_NEUTRAL_B)),
+    (HALF_B, C_CAPACITOR, true, true, OUTSIDE, out_word_t'pos(OUT_PHASE_B)),
+    (DRIFT_W, B_ONE, false, true, NOT_YET, 0),
+    (DRIFT_W, LESS, false, false, NOT_YET, 0),
+    (DRIFT_U, SINE_W, true, false, TO_A, a_word_t'pos(LATER_W)),
+    (HALF_A, C_NEUTRAL, false, true, NOT_YET, 0),
+    (HALF_B, C_NEUTRAL, false, false, OUTSIDE, out_word_t'pos(OUT_NEUTRAL_C)),
+    (DRIFT_U, B_ONE, false, true, NOT_YET, 0),
+    (LATER_U, B_ONE, false, false, NOT_YET, 0),
+    (DRIFT_U, C_DECAY, false, false, OUTSIDE, out_word_t'pos(OUT_DRIFT_U)),
+    (DRIFT_W, B_ONE, false, true, NOT_YET, 0),
+    (LATER_W, B_ONE, false, false, NOT_YET, 0),
+    (DRIFT_W, C_DECAY, false, false, OUTSIDE, out_word_t'pos(OUT_DRIFT_W)),
+    (HALF_A, C_CAPACITOR, false, true, NOT_YET, 0),
+    (HALF_B, C_CAPACITOR, false, false, OUTSIDE, out_word_t'pos(OUT_PHASE_C)),
+    -- its second step, where the pairs have changed places
+    (REF_U, B_ONE, false, true, NOT_YET, 0),
+    (REF_U, LESS, false, false, NOT_YET, 0),
+    (REF_W, SINE_U, false, false, TO_A, a_word_t'pos(NEXT_U)),
+    (REF_W, B_ONE, false, true, NOT_YET, 0),
+    (REF_W, LESS, false, false, NOT_YET, 0),
+    (REF_U, SINE_W, true, false, TO_A, a_word_t'pos(NEXT_W)),
+    (DRIFT_U, B_ONE, false, true, NOT_YET, 0),
+    (DRIFT_U, LESS, false, false, NOT_YET, 0),
+    (DRIFT_W, SINE_U, false, false, TO_A, a_word_t'pos(LATER_U)),
+    (DRIFT_W, B_ONE, false, true, NOT_YET, 0),
+    (DRIFT_W, LESS, false, false, NOT_YET, 0),
+    (DRIFT_U, SINE_W, true, false, TO_A, a_word_t'pos(LATER_W))
   );
 
-  constant STAGE_FROM : natural := 28; -- first step of a turn
-  constant TURN_LAST  : natural := 35; -- last step of a turn
-  constant TURN_DONE  : natural := 39; -- its results are there
-  constant STAGE_DONE : natural := 45; -- the stage's are
+  constant SHORT_FROM : natural := 25; -- first row of a stage of one step
+  constant LONG_FROM  : natural := 54; -- of a stage of two
+  constant TURN_FROM  : natural := 84; -- of its second step
+  constant ALL_ROWS   : natural := WORK_STEPS'length;
 
-  subtype stored_t is source_t range ANGLE to CHARGED_B;
+  constant ROW_WIDTH : natural := 19;
 
-  type registers_t is array (stored_t) of factor_t;
+  -- a row as bits: A, B, place of the goal, minus, gather, to A, to B, out
+  function bits_of (row : row_t) return std_logic_vector is
 
-  constant SUM_WIDTH : natural := 49;
-  constant HALF      : signed(SUM_WIDTH - 1 downto 0) := to_signed(2 ** (COSINE_FRACTION - 1), SUM_WIDTH);
+    variable result : std_logic_vector(ROW_WIDTH - 1 downto 0);
 
-  signal registers : registers_t;
-  signal running   : std_logic;
-  signal second    : std_logic; -- '1': second step of a long stage
-  signal waiting   : std_logic;
-  signal counter   : natural range 0 to 63;
-  signal place     : unsigned(5 downto 0); -- stage that is computed, one more than its index
-  signal odd_n     : unsigned(0 downto 0);
-  signal long      : std_logic;
-  signal middle_u  : signed(FACTOR_WIDTH downto 0);
-  signal middle_w  : signed(FACTOR_WIDTH downto 0);
-  signal across    : signed(FACTOR_WIDTH + 2 downto 0);
+  begin
 
-  signal step_1  : step_t;
-  signal step_2  : step_t;
-  signal step_3  : step_t;
+    result(4 downto 0)   := std_logic_vector(to_unsigned(a_word_t'pos(row.a), 5));
+    result(9 downto 5)   := std_logic_vector(to_unsigned(b_word_t'pos(row.b), 5));
+    result(13 downto 10) := std_logic_vector(to_unsigned(row.place, 4));
+    result(14)           := to_std_logic(not row.plus);
+    result(15)           := to_std_logic(not row.first);
+    result(16)           := to_std_logic(row.goal = TO_A or row.goal = TO_BOTH);
+    result(17)           := to_std_logic(row.goal = TO_B or row.goal = TO_BOTH);
+    result(18)           := to_std_logic(row.goal = OUTSIDE);
+    return result;
+
+  end function bits_of;
+
+  function rows_of return std_logic_vector is
+
+    variable result : std_logic_vector(128 * ROW_WIDTH - 1 downto 0);
+
+  begin
+
+    result := (others => '0');
+
+    for i in WORK_STEPS'range loop
+      result((i + 1) * ROW_WIDTH - 1 downto i * ROW_WIDTH) := bits_of(WORK_STEPS(i));
+    end loop;
+
+    return result;
+
+  end function rows_of;
+
+  constant ROWS : std_logic_vector(128 * ROW_WIDTH - 1 downto 0) := rows_of;
+
+  constant SUM_WIDTH : natural := 38; -- six products, the greatest of them
+  constant HALF      : signed(SUM_WIDTH - 1 downto 0) := to_signed(2 ** (FRACTION - 1), SUM_WIDTH);
+  constant WHOLE     : factor_t := to_signed(-2 ** FRACTION, FACTOR_WIDTH);
+
+  -- what belongs to a row on its way
+  type tag_t is record
+    valid   : std_logic;
+    minus   : std_logic;
+    gather  : std_logic;
+    to_a    : std_logic;
+    to_b    : std_logic;
+    outside : std_logic;
+    place   : unsigned(3 downto 0);
+  end record tag_t;
+
+  type tags_t is array (1 to 3) of tag_t;
+
+  signal counter : unsigned(6 downto 0);
+  signal running : std_logic;
+  signal ordered : std_logic;            -- '1': the next stage is wanted
+  signal place   : unsigned(5 downto 0); -- stage that is computed, one more than its index
+  signal odd_n   : unsigned(0 downto 0);
+  signal long    : std_logic;
+  signal flip    : std_logic;            -- '1': the pairs of A have changed places
+  signal row     : std_logic_vector(ROW_WIDTH - 1 downto 0);
+  signal valid   : std_logic;            -- of row
+  signal turned  : std_logic;            -- '1': row is the last one of a step
+  signal a_place : std_logic_vector(3 downto 0);
+  signal goal    : unsigned(3 downto 0);
+  signal a_word  : std_logic_vector(FACTOR_WIDTH - 1 downto 0);
+  signal b_word  : std_logic_vector(FACTOR_WIDTH - 1 downto 0);
   signal a       : factor_t;
   signal b       : factor_t;
   signal product : signed(2 * FACTOR_WIDTH - 1 downto 0);
   signal sum     : signed(SUM_WIDTH - 1 downto 0);
-  signal active  : std_logic;
-  signal active_1 : std_logic;
-  signal active_2 : std_logic;
-  signal active_3 : std_logic;
+  signal result  : signed(SUM_WIDTH - FRACTION - 1 downto 0);
+  signal word    : std_logic_vector(FACTOR_WIDTH - 1 downto 0);
+  signal tags    : tags_t;
+  signal write_a : std_logic;
+  signal write_b : std_logic;
   signal stage_i : stage_t;
-  signal error_i : error_t;
+  signal ready_i : std_logic;
 
 begin
 
@@ -160,262 +278,319 @@ begin
   long     <= '0' when place + odd_n < resize(short, place'length) + 1 else
               '1';
 
-  -- reference in the middle of the stage: the mean over a step, the step's end over two
-  middle_u <= resize(registers(NEXT_U), FACTOR_WIDTH + 1) when long = '1' else
-              shift_right(resize(registers(REF_U), FACTOR_WIDTH + 1) + registers(NEXT_U), 1);
-  middle_w <= resize(registers(NEXT_W), FACTOR_WIDTH + 1) when long = '1' else
-              shift_right(resize(registers(REF_W), FACTOR_WIDTH + 1) + registers(NEXT_W), 1);
-  across   <= shift_right(resize(middle_w, FACTOR_WIDTH + 3) + shift_left(resize(middle_w, FACTOR_WIDTH + 3), 1)
-              - resize(middle_u, FACTOR_WIDTH + 3), 1);
+  i_rows : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 7,
+      WIDTH         => ROW_WIDTH,
+      LATENCY       => 1,
+      STYLE         => "block",
+      CONTENTS      => ROWS
+    )
+    port map (
+      clk           => clk,
+      write         => '0',
+      write_address => (others => '0'),
+      write_word    => (others => '0'),
+      read          => '1',
+      read_address  => std_logic_vector(counter),
+      read_word     => row
+    );
+
+  -- the first eight words of A come in pairs
+  a_place <= row(3 downto 1) & (row(0) xor (flip and not row(3)));
+  goal    <= unsigned(row(13 downto 11)) & (row(10) xor (flip and row(16) and not row(13)));
+
+  i_a : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 4,
+      WIDTH         => FACTOR_WIDTH,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => write_a,
+      write_address => std_logic_vector(tags(3).place),
+      write_word    => word,
+      read          => '1',
+      read_address  => a_place,
+      read_word     => a_word
+    );
+
+  i_b : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 3,
+      WIDTH         => FACTOR_WIDTH,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => write_b,
+      write_address => std_logic_vector(tags(3).place(2 downto 0)),
+      write_word    => word,
+      read          => '1',
+      read_address  => row(7 downto 5),
+      read_word     => b_word
+    );
+
+  result  <= sum(SUM_WIDTH - 1 downto FRACTION);
+  word    <= std_logic_vector(clip(result, FACTOR_WIDTH));
+  write_a <= tags(3).valid and tags(3).to_a;
+  write_b <= tags(3).valid and tags(3).to_b;
 
   p_run : process (clk) is
 
-    procedure read (source : source_t; signal word : out factor_t) is
-    begin
-
-      case source is
-
-        when OMEGA_STATOR =>
-          word <= resize(omega_s, FACTOR_WIDTH);
-
-        when OMEGA_ROTOR =>
-          word <= resize(omega_r, FACTOR_WIDTH);
-
-        when REF_BETA =>
-          word <= resize(iref_beta, FACTOR_WIDTH);
-
-        when FLUX_BETA =>
-          word <= resize(psir_beta, FACTOR_WIDTH);
-
-        when LINK =>
-          word <= signed(resize(v_dc, FACTOR_WIDTH));
-
-        when DIFFERENCE =>
-          word <= resize(iref_beta, FACTOR_WIDTH) - resize(is_beta, FACTOR_WIDTH);
-
-        when MIDDLE_A =>
-          word <= resize(middle_u, FACTOR_WIDTH);
-
-        when MIDDLE_B =>
-          word <= clip(across, FACTOR_WIDTH);
-
-        when C_ANGLE =>
-          word <= coefficients.angle;
-
-        when C_DECAY =>
-          word <= coefficients.decay_1;
-
-        when C_FLUX_2 =>
-          word <= coefficients.flux_2;
-
-        when C_FLUX_U =>
-          word <= coefficients.flux_u;
-
-        when C_FLUX_W =>
-          word <= coefficients.flux_w;
-
-        when C_LEVEL_1 =>
-          word <= coefficients.level_1;
-
-        when C_LEVEL_2 =>
-          word <= coefficients.level_2;
-
-        when C_NEUTRAL =>
-          word <= coefficients.neutral;
-
-        when C_CAPACITOR =>
-          word <= coefficients.capacitor;
-
-        when K_ROOT =>
-          word <= to_signed(ROOT, FACTOR_WIDTH);
-
-        when K_INVERSE =>
-          word <= to_signed(INVERSE_ROOT, FACTOR_WIDTH);
-
-        when K_THIRD =>
-          word <= to_signed(THIRD, FACTOR_WIDTH);
-
-        when NONE | ERROR_B | C_FLUX_0 =>
-          word <= (others => '0');
-
-        when others =>
-          word <= registers(source);
-
-      end case;
-
-    end procedure read;
-
-    variable step   : step_t;
-    variable wide   : signed(SUM_WIDTH - 1 downto 0);
-    variable result : signed(SUM_WIDTH - COSINE_FRACTION - 1 downto 0);
-    variable base   : factor_t;
-    variable last   : signed(FACTOR_WIDTH downto 0);
-    variable drift  : error_t;
+    variable charge : signed(result'high + 1 downto 0);
+    variable x      : natural range 0 to 3;
 
   begin
 
     if rising_edge(clk) then
       saturated <= '0';
-      step      := WORK_STEPS(counter);
 
-      -- operands
-      read(step.a, a);
-      read(step.b, b);
-      step_1   <= step;
-      active_1 <= active;
+      -- rows
+      valid  <= running;
+      turned <= '0';
 
-      if (step.goal = DRAWN_A or step.goal = DRAWN_B or step.goal = CHARGED_A or step.goal = CHARGED_B) then
-        if (long = '1') then
-          step_1.shift <= step.shift + 1;
-        end if;
-
-        if (active = '1') then
-          saturated <= overflows(across, FACTOR_WIDTH);
-        end if;
-      end if;
-
-      -- product
-      product  <= a * b;
-      step_2   <= step_1;
-      active_2 <= active_1;
-
-      -- sum
-      wide     := shift_left(resize(product, SUM_WIDTH), step_2.shift);
-
-      if (step_2.minus) then
-        wide := -wide;
-      end if;
-
-      if (step_2.first) then
-        sum <= wide + HALF;
-      else
-        sum <= sum + wide;
-      end if;
-
-      step_3   <= step_2;
-      active_3 <= active_2;
-
-      -- result
-      if (active_3 = '1' and step_3.last) then
-        base := (others => '0');
-
-        if (step_3.base = C_FLUX_0) then
-          base := coefficients.flux_0;
-        elsif (step_3.base /= NONE) then
-          base := registers(step_3.base);
-        end if;
-
-        result := sum(SUM_WIDTH - 1 downto COSINE_FRACTION) + resize(base, result'length);
-
-        if (step_3.goal = ERROR_B) then
-          error_i <= resize(result, ERROR_WIDTH);
-        else
-          registers(step_3.goal) <= clip(result, FACTOR_WIDTH);
-
-          if (overflows(result, FACTOR_WIDTH) = '1') then
-            saturated <= '1';
-          end if;
-        end if;
-      end if;
-
-      -- program
       if (running = '1') then
         counter <= counter + 1;
 
-        if (second = '1' and counter = TURN_LAST) then
-          active <= '0';
-        elsif (second = '1' and counter = TURN_DONE) then
-          registers(REF_U)   <= registers(NEXT_U);
-          registers(REF_W)   <= registers(NEXT_W);
-          registers(DRIFT_U) <= registers(LATER_U);
-          registers(DRIFT_W) <= registers(LATER_W);
-          second             <= '0';
-          running            <= '0';
-          waiting            <= '1';
-          place              <= place + 1;
-        elsif (counter = STAGE_DONE) then
-          stage_i.long       <= long;
-          stage_i.neutral(0) <= registers(DRAWN_A);
-          stage_i.neutral(1) <= registers(DRAWN_B);
-          last               := -resize(registers(DRAWN_A), FACTOR_WIDTH + 1) - registers(DRAWN_B);
-          stage_i.neutral(2) <= clip(last, FACTOR_WIDTH);
-          saturated          <= overflows(last, FACTOR_WIDTH);
-          stage_i.phase(0)   <= registers(CHARGED_A);
-          stage_i.phase(1)   <= registers(CHARGED_B);
-          last               := -resize(registers(CHARGED_A), FACTOR_WIDTH + 1) - registers(CHARGED_B);
-          stage_i.phase(2)   <= clip(last, FACTOR_WIDTH);
+        if (counter = SHORT_FROM - 1 and long = '1') then
+          counter <= to_unsigned(LONG_FROM, counter'length);
+        end if;
 
-          if (overflows(last, FACTOR_WIDTH) = '1') then
-            saturated <= '1';
-          end if;
+        if (counter = LONG_FROM - 1 or counter = TURN_FROM - 1 or counter = ALL_ROWS - 1) then
+          turned <= '1';
+        end if;
+
+        if (counter = LONG_FROM - 1 or counter = ALL_ROWS - 1) then
+          running <= '0';
+          place   <= place + 1;
+        end if;
+      elsif (ordered = '1') then
+        ordered <= '0';
+        running <= '1';
+        counter <= to_unsigned(SHORT_FROM, counter'length);
+
+        if (long = '1') then
+          counter <= to_unsigned(LONG_FROM, counter'length);
+        end if;
+      end if;
+
+      flip <= flip xor turned;
+
+      -- operands
+      case to_integer(unsigned(row(4 downto 0))) is
+
+        when a_word_t'pos(OMEGA_STATOR) =>
+          a <= shift_left(resize(omega_s, FACTOR_WIDTH), SPEED_SHIFT);
+
+        when a_word_t'pos(OMEGA_ROTOR) =>
+          a <= shift_left(resize(omega_r, FACTOR_WIDTH), SPEED_SHIFT);
+
+        when a_word_t'pos(REF_ALPHA) =>
+          a <= shift_left(resize(iref_alpha, FACTOR_WIDTH), VECTOR_SHIFT);
+
+        when a_word_t'pos(REF_BETA) =>
+          a <= shift_left(resize(iref_beta, FACTOR_WIDTH), VECTOR_SHIFT);
+
+        when a_word_t'pos(FLUX_ALPHA) =>
+          a <= shift_left(resize(psir_alpha, FACTOR_WIDTH), FLUX_SHIFT);
+
+        when a_word_t'pos(FLUX_BETA) =>
+          a <= shift_left(resize(psir_beta, FACTOR_WIDTH), FLUX_SHIFT);
+
+        when a_word_t'pos(LINK) =>
+          a <= signed(resize(v_dc, FACTOR_WIDTH));
+
+        when a_word_t'pos(CURRENT_BETA) =>
+          a <= shift_left(resize(is_beta, FACTOR_WIDTH), VECTOR_SHIFT);
+
+        when a_word_t'pos(ONE) =>
+          a <= WHOLE;
+
+        when others =>
+          a <= signed(a_word);
+
+      end case;
+
+      case to_integer(unsigned(row(9 downto 5))) is
+
+        when b_word_t'pos(EIGHTH_1) =>
+          b <= to_signed(EIGHTH, FACTOR_WIDTH);
+
+        when b_word_t'pos(EIGHTH_2) =>
+          b <= to_signed(2 * EIGHTH, FACTOR_WIDTH);
+
+        when b_word_t'pos(EIGHTH_3) =>
+          b <= to_signed(3 * EIGHTH, FACTOR_WIDTH);
+
+        when b_word_t'pos(EIGHTH_4) =>
+          b <= to_signed(4 * EIGHTH, FACTOR_WIDTH);
+
+        when b_word_t'pos(EIGHTH_6) =>
+          b <= to_signed(6 * EIGHTH, FACTOR_WIDTH);
+
+        when b_word_t'pos(INVERSE) =>
+          b <= to_signed(INVERSE_ROOT, FACTOR_WIDTH);
+
+        when b_word_t'pos(THIRD_1) =>
+          b <= to_signed(THIRD, FACTOR_WIDTH);
+
+        when b_word_t'pos(SIXTH_1) =>
+          b <= to_signed(SIXTH, FACTOR_WIDTH);
+
+        when b_word_t'pos(C_ANGLE) =>
+          b <= coefficients.angle;
+
+        when b_word_t'pos(C_DECAY) =>
+          b <= coefficients.decay_1;
+
+        when b_word_t'pos(C_FLUX_0) =>
+          b <= coefficients.flux_0;
+
+        when b_word_t'pos(C_FLUX_2) =>
+          b <= coefficients.flux_2;
+
+        when b_word_t'pos(C_FLUX_U) =>
+          b <= coefficients.flux_u;
+
+        when b_word_t'pos(C_FLUX_W) =>
+          b <= coefficients.flux_w;
+
+        when b_word_t'pos(C_LEVEL_1) =>
+          b <= coefficients.level_1;
+
+        when b_word_t'pos(C_LEVEL_2) =>
+          b <= coefficients.level_2;
+
+        when b_word_t'pos(C_NEUTRAL) =>
+          b <= coefficients.neutral;
+
+        when b_word_t'pos(C_CAPACITOR) =>
+          b <= coefficients.capacitor;
+
+        when b_word_t'pos(B_ROTOR) =>
+          b <= shift_left(resize(omega_r, FACTOR_WIDTH), SPEED_SHIFT);
+
+        when b_word_t'pos(B_ONE) =>
+          b <= WHOLE;
+
+        when others =>
+          b <= signed(b_word);
+
+      end case;
+
+      tags(1) <= (valid, row(14), row(15), row(16), row(17), row(18), goal);
+      tags(2) <= tags(1);
+      tags(3) <= tags(2);
+
+      -- product and sum
+      product <= a * b;
+
+      if (tags(2).gather = '0') then
+        sum <= adjusted(HALF, resize(product, SUM_WIDTH), not tags(2).minus, tags(2).minus);
+      else
+        sum <= adjusted(sum, resize(product, SUM_WIDTH), not tags(2).minus, tags(2).minus);
+      end if;
+
+      -- results
+      if (tags(3).valid = '1' and (tags(3).to_a = '1' or tags(3).to_b = '1')) then
+        saturated <= overflows(result, FACTOR_WIDTH);
+      end if;
+
+      charge := resize(result, charge'length);
+
+      if (long = '1') then
+        charge := shift_left(charge, 1);
+      end if;
+
+      if (ready_i = '1' and taken = '1') then
+        ready_i <= '0';
+        ordered <= '1';
+      end if;
+
+      if (tags(3).valid = '1' and tags(3).outside = '1') then
+        x := to_integer(tags(3).place(1 downto 0));
+
+        case to_integer(tags(3).place) is
+
+          when out_word_t'pos(OUT_ERROR) =>
+            error_w <= resize(result, ERROR_WIDTH);
+
+          when out_word_t'pos(OUT_DRIFT_U) =>
+            stage_i.drift_u <= signed(word);
+            saturated       <= overflows(result, FACTOR_WIDTH);
+
+          when out_word_t'pos(OUT_DRIFT_W) =>
+            stage_i.drift_w <= signed(word);
+            saturated       <= overflows(result, FACTOR_WIDTH);
+
+          when out_word_t'pos(OUT_LEVEL) =>
+            stage_i.level <= signed(word);
+            saturated     <= overflows(result, FACTOR_WIDTH);
+
+          when out_word_t'pos(OUT_NEUTRAL_A) | out_word_t'pos(OUT_NEUTRAL_B) | out_word_t'pos(OUT_NEUTRAL_C) =>
+            stage_i.neutral(x) <= clip(charge, VOLTAGE_WIDTH);
+            saturated          <= overflows(charge, VOLTAGE_WIDTH);
+
+          when others =>
+            stage_i.phase(x) <= clip(charge, VOLTAGE_WIDTH);
+            saturated        <= overflows(charge, VOLTAGE_WIDTH);
+
+        end case;
+
+        -- the last word of a stage
+        if (tags(3).place = out_word_t'pos(OUT_PHASE_C)) then
+          ready_i      <= '1';
+          stage_i.long <= long;
 
           if (long = '1') then
-            stage_i.level   <= registers(LEVEL_2);
-            stage_i.forced  <= coefficients.forced_2;
-            stage_i.decay   <= coefficients.decay_2;
-            drift           := resize(registers(DRIFT_U), ERROR_WIDTH) + registers(LATER_U);
-            stage_i.drift_u <= shift_left(drift, VECTOR_SHIFT) - registers(LOSS_U);
-            drift           := resize(registers(DRIFT_W), ERROR_WIDTH) + registers(LATER_W);
-            stage_i.drift_w <= shift_left(drift, VECTOR_SHIFT) - registers(LOSS_W);
-            counter         <= STAGE_FROM;
-            second          <= '1';
+            stage_i.forced <= coefficients.forced_2;
+            stage_i.decay  <= coefficients.decay_2;
           else
-            stage_i.level   <= registers(LEVEL_1);
-            stage_i.forced  <= coefficients.forced_1;
-            stage_i.decay   <= coefficients.decay_1;
-            stage_i.drift_u <= shift_left(resize(registers(DRIFT_U), ERROR_WIDTH), VECTOR_SHIFT);
-            stage_i.drift_w <= shift_left(resize(registers(DRIFT_W), ERROR_WIDTH), VECTOR_SHIFT);
-            counter         <= STAGE_FROM;
-            running         <= '0';
-            active          <= '0';
-            waiting         <= '1';
-            place           <= place + 1;
+            stage_i.forced <= coefficients.forced_1;
+            stage_i.decay  <= coefficients.decay_1;
           end if;
-
-          registers(REF_U)   <= registers(NEXT_U);
-          registers(REF_W)   <= registers(NEXT_W);
-          registers(DRIFT_U) <= registers(LATER_U);
-          registers(DRIFT_W) <= registers(LATER_W);
         end if;
-      elsif (waiting = '1' and taken = '1') then
-        waiting <= '0';
-        running <= '1';
-        active  <= '1';
-        counter <= STAGE_FROM;
       end if;
 
       if (start = '1') then
-        running           <= '1';
-        active            <= '1';
-        waiting           <= '0';
-        second            <= '0';
-        counter           <= 0;
-        registers(REF_U)  <= shift_left(resize(iref_alpha, FACTOR_WIDTH), VECTOR_SHIFT);
-        registers(FLUX_U) <= shift_left(resize(psir_alpha, FACTOR_WIDTH), FLUX_SHIFT);
+        running <= '1';
+        ordered <= '0';
+        ready_i <= '0';
+        counter <= (others => '0');
+        flip    <= '0';
+        valid   <= '0';
+        turned  <= '0';
+        place   <= to_unsigned(1, place'length);
 
         if (compensate = '1') then
           place <= to_unsigned(0, place'length);
-        else
-          place <= to_unsigned(1, place'length);
         end if;
+
+        for i in tags'range loop
+          tags(i).valid <= '0';
+        end loop;
       end if;
 
       if (rst = '1') then
-        running  <= '0';
-        waiting  <= '0';
-        second   <= '0';
-        active   <= '0';
-        active_1 <= '0';
-        active_2 <= '0';
-        active_3 <= '0';
-        counter  <= 0;
+        running <= '0';
+        valid   <= '0';
+        ordered <= '0';
+        ready_i <= '0';
+        turned  <= '0';
+
+        for i in tags'range loop
+          tags(i).valid <= '0';
+        end loop;
       end if;
     end if;
 
   end process p_run;
 
-  ready   <= waiting;
-  stage   <= stage_i;
-  error_w <= error_i;
+  ready <= ready_i;
+  stage <= stage_i;
 
 end architecture rtl;

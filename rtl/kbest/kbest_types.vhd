@@ -9,6 +9,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.directmpc_math.all;
   use work.kbest_constants.all;
 
 package kbest_types is
@@ -16,6 +17,8 @@ package kbest_types is
   subtype factor_t is signed(FACTOR_WIDTH - 1 downto 0);
 
   subtype error_t is signed(ERROR_WIDTH - 1 downto 0);
+
+  subtype ahead_t is signed(AHEAD_WIDTH - 1 downto 0);
 
   subtype voltage_t is signed(VOLTAGE_WIDTH - 1 downto 0);
 
@@ -72,8 +75,8 @@ package kbest_types is
   -- what all nodes of a stage share
   type stage_t is record
     long    : std_logic;  -- '1': two steps, '0': one
-    drift_u : error_t;    -- drift of the error
-    drift_w : error_t;
+    drift_u : factor_t;   -- drift of the error
+    drift_w : factor_t;
     level   : factor_t;   -- change of the error by a quarter of v_dc
     forced  : factor_t;   -- by a voltage
     decay   : factor_t;   -- of the error
@@ -145,8 +148,8 @@ package kbest_types is
   -- excess of a voltage over a bound, not negative
   function excess (value : voltage_t; bound : unsigned) return factor_t;
 
-  -- where a straight line leads in 8 or 4 times its stage, limited to a factor
-  function ahead (now, earlier : signed; long : std_logic; steps, low : natural) return factor_t;
+  -- where a straight line leads in 8 or 4 times its stage, less low bits, limited to its word
+  function ahead (now, earlier : signed; long : std_logic; steps, low : natural) return ahead_t;
 
   -- square of a product's cost: shifted right, one less for a long stage
   function cost_of (square : unsigned; shift : natural; weight : unsigned; long : std_logic) return wide_cost_t;
@@ -244,26 +247,25 @@ package body kbest_types is
 
   function excess (value : voltage_t; bound : unsigned) return factor_t is
 
-    variable over : signed(VOLTAGE_WIDTH downto 0);
+    variable over   : signed(VOLTAGE_WIDTH downto 0);
+    variable result : factor_t;
 
   begin
 
-    over := abs(resize(value, VOLTAGE_WIDTH + 1)) - signed(resize(bound, VOLTAGE_WIDTH + 1));
+    over   := abs(resize(value, VOLTAGE_WIDTH + 1)) - signed(resize(bound, VOLTAGE_WIDTH + 1));
+    result := resize(over(EXCESS_WIDTH downto 0), FACTOR_WIDTH);
 
     if (over(over'high) = '1') then
-      over := (others => '0');
+      result := (others => '0');
+    elsif (over >= 2 ** EXCESS_WIDTH) then
+      result := to_signed(2 ** EXCESS_WIDTH - 1, FACTOR_WIDTH);
     end if;
 
-    -- the most negative word at a bound of zero is one too many
-    if (over(VOLTAGE_WIDTH - 1) = '1') then
-      over := to_signed(2 ** (VOLTAGE_WIDTH - 1) - 1, VOLTAGE_WIDTH + 1);
-    end if;
-
-    return resize(over, FACTOR_WIDTH);
+    return result;
 
   end function excess;
 
-  function ahead (now, earlier : signed; long : std_logic; steps, low : natural) return factor_t is
+  function ahead (now, earlier : signed; long : std_logic; steps, low : natural) return ahead_t is
 
     variable wide : signed(now'length + steps + 1 downto 0);
 
@@ -278,14 +280,7 @@ package body kbest_types is
     end if;
 
     wide := shift_right(wide + resize(now, wide'length), low);
-
-    if (wide > 2 ** (FACTOR_WIDTH - 1) - 1) then
-      wide := to_signed(2 ** (FACTOR_WIDTH - 1) - 1, wide'length);
-    elsif (wide < -2 ** (FACTOR_WIDTH - 1)) then
-      wide := to_signed(-2 ** (FACTOR_WIDTH - 1), wide'length);
-    end if;
-
-    return resize(wide, FACTOR_WIDTH);
+    return clip(wide, AHEAD_WIDTH);
 
   end function ahead;
 

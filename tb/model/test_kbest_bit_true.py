@@ -43,40 +43,37 @@ class Slow:
         self.saturated |= limited != value
         return limited
 
+    def total(self, value: int) -> int:
+        """A sum of products as a word of the terms."""
+        return self.word(near(value, 17), 18)
+
     def turn(self, vector: tuple[int, int]) -> tuple[int, int]:
         """The vector a step on."""
         u, w = vector
         less, sine_u, sine_w = self.angle
         return (
-            self.word(u + near(-less * u - (sine_u * w << 6), 23), 18),
-            self.word(w + near(-less * w + (sine_w * u << 6), 23), 18),
+            self.total((u << 17) - less * u - sine_u * w),
+            self.total((w << 17) - less * w + sine_w * u),
         )
 
     def begin(self, m: dict[str, int]) -> None:
         """Terms of the whole decision."""
         r = self.r
-        x = self.word(near(m["omega_s"] * r["angle"], 16), 18)
-        less = self.word(near(x * x, 14), 18)
-        sine = self.word(x + near(-near(x * less, 23) * round(2**17 / 3), 17), 18)
-        self.angle = (
-            less,
-            self.word(near(sine * round(2**16 * 3**0.5), 17), 18),
-            self.word(near(sine * round(2**17 / 3**0.5), 18), 18),
-        )
+        omega_s, omega_r = 4 * m["omega_s"], 4 * m["omega_r"]
+        sine_u = self.total(omega_s * r["angle"])
+        half = self.total(sine_u * round(2**17 / 6))
+        self.angle = self.total(sine_u * half), sine_u, self.total(sine_u * round(2**17 / 3))
+        less, _, sine_w = self.angle
         root = round(2**17 / 3**0.5)
-        self.reference = 4 * m["iref_alpha"], near(m["iref_beta"] * root, 15)
-        flux_u, flux_w = 4 * m["psir_alpha"], near(m["psir_beta"] * root, 15)
-        square = self.word(near(m["omega_r"] ** 2, 16), 18)
-        straight = self.word(r["flux_0"] + near(square * r["flux_2"], 16), 18)
-        across_u = self.word(near(m["omega_r"] * r["flux_u"], 16), 18)
-        across_w = self.word(near(m["omega_r"] * r["flux_w"], 16), 18)
+        self.reference = 4 * m["iref_alpha"], self.total(4 * m["iref_beta"] * root)
+        flux_u, flux_w = 4 * m["psir_alpha"], self.total(4 * m["psir_beta"] * root)
+        straight = self.total((r["flux_0"] << 17) + self.total(omega_r**2) * r["flux_2"])
+        across_u, across_w = (self.total(omega_r * r[f"flux_{x}"]) for x in "uw")
         u, w = self.reference
-        total_u = -less * u - (self.angle[1] * w << 6) + (r["decay_1"] * u << 5)
-        total_u -= (straight * flux_u - across_u * flux_w) << 7
-        total_w = -less * w + (self.angle[2] * u << 6) + (r["decay_1"] * w << 5)
-        total_w -= (straight * flux_w + across_w * flux_u) << 7
-        self.drift = self.word(near(total_u, 23), 18), self.word(near(total_w, 23), 18)
-        self.level = [self.word(near(m["v_dc"] * r[f"level_{n}"], 15), 18) for n in (1, 2)]
+        total_u = -less * u - sine_u * w + r["decay_1"] * u - straight * flux_u + across_u * flux_w
+        total_w = -less * w + sine_w * u + r["decay_1"] * w - straight * flux_w - across_w * flux_u
+        self.drift = self.total(total_u), self.total(total_w)
+        self.level = [self.total(m["v_dc"] * r[f"level_{n}"]) for n in (1, 2)]
 
     def stage(self, n: int) -> tuple[list[int], list[int], list[int]]:
         """Drift of a stage, charges on v_n and on v_ph."""
@@ -86,41 +83,45 @@ class Slow:
             drifts.append(self.turn(drifts[-1]))
         self.reference, self.drift = references[-1], drifts[-1]
         if n == 1:
-            drift = [4 * d for d in drifts[0]]
-            middle = [(a + b) >> 1 for a, b in zip(*references, strict=True)]
+            drift = list(drifts[0])
+            u, w = (a + b for a, b in zip(*references, strict=True))
         else:
             drift = [
-                4 * (a + b) - near(a * self.r["decay_1"], 16)
+                self.total((a + b << 17) - a * self.r["decay_1"])
                 for a, b in zip(drifts[0], drifts[1], strict=True)
             ]
-            middle = list(references[1])
-        currents = middle[0], self.word((3 * middle[1] - middle[0]) >> 1, 18)
-        charges = []
-        for name in ("neutral", "capacitor"):
-            first = [self.word(near(i * self.r[name], 19 - n), 18) for i in currents]
-            charges.append([*first, self.word(-sum(first), 18)])
+            u, w = (2 * x for x in references[1])
+        # halves of the currents
+        a, b = self.total(u << 15), self.total(3 * w - u << 14)
+        charges = [
+            [
+                self.word(self.total(i * self.r[name]) << (n - 1), 16)
+                for i in (a, b, -a - b)
+            ]
+            for name in ("neutral", "capacitor")
+        ]  # fmt: skip
         return drift, *charges
 
     def child(self, node: Any, positions: Any, n: int, stage: Any) -> list[int]:
         """u, w, v_n and the deviations of v_ph behind a stage."""
         state, drift, forced = node[0], stage[0], self.r[f"forced_{n}"]
-        on_n = self.word(near(state[2] * forced, 15), 22)
-        on_phase = [self.word(near(d * forced, 15), 22) for d in state[3:]]
+        on_n = state[2] * forced >> 15
+        on_phase = [d * forced >> 15 for d in state[3:]]
         g = [
             (anpc.LEVEL[s] * self.level[n - 1]) + anpc.NEUTRAL[s] * on_n + anpc.CAPACITOR[s] * d
             for s, d in zip(positions, on_phase, strict=True)
         ]
-        kept = [x - near((x >> 4) * self.r[f"decay_{n}"], 14) + d
+        kept = [x - ((x >> 2) * self.r[f"decay_{n}"] >> 15) + d
                 for x, d in zip(state[:2], drift, strict=True)]  # fmt: skip
         v_n = state[2] - sum(
             anpc.NEUTRAL_CURRENT[s] * q for s, q in zip(positions, stage[1], strict=True)
         )
         return [
-            self.word(int(kept[0] - 2 * g[0] + g[1] + g[2]), 22),
-            self.word(int(kept[1] - g[1] + g[2]), 22),
-            self.word(int(v_n), 18),
+            self.word(int(kept[0] - 2 * g[0] + g[1] + g[2]), 19),
+            self.word(int(kept[1] - g[1] + g[2]), 19),
+            self.word(int(v_n), 16),
             *(
-                self.word(int(d + anpc.CAPACITOR_CURRENT[s] * q), 18)
+                self.word(int(d + anpc.CAPACITOR_CURRENT[s] * q), 16)
                 for s, d, q in zip(positions, state[3:], stage[2], strict=True)
             ),
         ]
@@ -129,18 +130,21 @@ class Slow:
         """What a stage adds to J, and what the key adds to that."""
 
         def ahead(a: int, b: int, shift: int, low: int) -> int:
-            return clip((a + ((a - b) << shift)) >> low, 18) ** 2
+            return clip((a + ((a - b) << shift)) >> low, 14) ** 2
 
-        squares = (now[0] >> 4) ** 2 + 3 * (now[1] >> 4) ** 2
-        cost = squares >> (13 - n)
-        over = max(0, abs(now[2]) - self.r["bound_neutral"])
-        cost += over**2 >> (17 - self.r["weight_neutral"] - n)
-        rank = (ahead(now[0], before[0], 4 - n, 4) + 3 * ahead(now[1], before[1], 4 - n, 4)) >> 13
-        rank += ahead(now[2], before[2], 3 - n, 0) >> 14
-        for a, b in zip(now[3:], before[3:], strict=True):
-            over = max(0, abs(a) - self.r["bound_phase"])
-            cost += over**2 >> (17 - self.r["weight_phase"] - n)
-            rank += ahead(a, b, 3 - n, 0) >> 18
+        def excess(value: int, name: str) -> int:
+            over = min(max(0, abs(value) - self.r[f"bound_{name}"]), 2**13 - 1)
+            return over**2 >> (15 - self.r[f"weight_{name}"] - n)
+
+        u, w, v_n, *d = now
+        cost = (
+            ((u >> 2) ** 2 >> (15 - n)) + 3 * ((w >> 2) ** 2 >> (15 - n)) + excess(v_n, "neutral")
+        )
+        rank = ahead(u, before[0], 4 - n, 6) >> 7
+        rank += 3 * (ahead(w, before[1], 4 - n, 6) >> 7) + (ahead(v_n, before[2], 3 - n, 2) >> 8)
+        for a, b in zip(d, before[3:], strict=True):
+            cost += excess(a, "phase")
+            rank += ahead(a, b, 3 - n, 2) >> 12
         return cost, rank
 
     def decide(self, words: Any, s_prev: Any, plan: list[int]) -> list[int]:
@@ -148,13 +152,13 @@ class Slow:
         m = dict(zip(formats.MEASUREMENTS, (int(w) for w in words), strict=True))
         self.saturated = False
         self.begin(m)
-        odd, short, most = plan[-1] & 1, self.r["short_stages"], 2**27 - 1
+        odd, short, most = plan[-1] & 1, self.r["short_stages"], 2**22 - 1
         root = round(2**17 / 3**0.5)
         state = [
-            16 * (m["iref_alpha"] - m["is_alpha"]),
-            near((m["iref_beta"] - m["is_beta"]) * root, 13),
-            m["v_n"],
-            *(self.word(2 * m[f"v_ph_{x}"] - m["v_dc"], 18) for x in "abc"),
+            4 * (m["iref_alpha"] - m["is_alpha"]),
+            near(4 * (m["iref_beta"] - m["is_beta"]) * root, 17),
+            m["v_n"] >> 2,
+            *(2 * m[f"v_ph_{x}"] - m["v_dc"] >> 2 for x in "abc"),
         ]
         nodes: list[Any] = [(state, tuple(int(s) for s in s_prev), 0, ())]
         if self.r["compensate"]:
@@ -208,7 +212,7 @@ def random_words(rng: np.random.Generator, rows: int, extreme: float) -> np.ndar
 SETTINGS: list[dict[str, Any]] = [
     {},
     {"beam": 3, "short_stages": 1, "long_stages": 5, "weight_vn": 1.0},
-    {"beam": 1, "delay_compensation": True, "weight_vph": 1024.0},
+    {"beam": 1, "delay_compensation": True, "weight_vph": 256.0},
     {"beam": 16, "long_stages": 2, "lambda_u": 0.1, "delay_compensation": True},
 ]
 

@@ -31,12 +31,14 @@ _FORCED_1, _FORCED_2, _LEVEL_1, _LEVEL_2, _NEUTRAL, _CAPACITOR = range(7, 13)
 _EFFORT, _BOUND_NEUTRAL, _BOUND_PHASE, _WEIGHT_NEUTRAL, _WEIGHT_PHASE = range(13, 18)
 _SHORT, _COMPENSATE, _BEAM, _STAGES = range(18, 22)
 
-INVERSE_ROOT = round(2**17 / 3.0**0.5)
-"""1/sqrt(3) with 17 fractional bits."""
-ROOT = round(2**16 * 3.0**0.5)
-"""sqrt(3) with 16 fractional bits."""
-THIRD = round(2**17 / 3.0)
-"""1/3 with 17 fractional bits."""
+INVERSE_ROOT = round(2**f.FRACTION / 3.0**0.5)
+"""1/sqrt(3)."""
+THIRD = round(2**f.FRACTION / 3.0)
+"""1/3."""
+SIXTH = round(2**f.FRACTION / 6.0)
+"""1/6."""
+EIGHTH = 2**f.FRACTION // 8
+"""1/8; the charges take whole multiples of it."""
 
 COST_MOST = 2**f.COST_WIDTH - 1
 
@@ -125,30 +127,41 @@ def parameters_of(drive: KbestDrive) -> Parameters:
 
 
 @njit
-def turned(vector, less, sine_u, sine_w):
+def summed(total):
+    """Round a sum of products to a word of the stages' terms.
+
+    Parameters
+    ----------
+    total : int
+        With `FRACTION` bits below the LSB.
+
+    Returns
+    -------
+    word, saturated : int
+        As `fixed_point.rounded`.
+    """
+    return rounded(total, f.FRACTION, f.FACTOR_WIDTH)
+
+
+@njit
+def turned(vector, turn):
     """Turn a vector by the angle of a step.
 
     Parameters
     ----------
     vector : ndarray of int64, shape (2,)
         u and w; replaced.
-    less : int
-        1 - cos, COSINE_FRACTION bits below one.
-    sine_u, sine_w : int
-        sqrt(3) sin and sin / sqrt(3), SINE_FRACTION bits below one.
+    turn : ndarray of int64, shape (3,)
+        1 - cos, sqrt(3) sin, sin / sqrt(3).
 
     Returns
     -------
     saturated : int
         1 where a component did not fit.
     """
-    shift = f.COSINE_FRACTION - f.SINE_FRACTION
     u, w = vector[0], vector[1]
-    half = 1 << (f.COSINE_FRACTION - 1)
-    change_u = (-less * u - ((sine_u * w) << shift) + half) >> f.COSINE_FRACTION
-    change_w = (-less * w + ((sine_w * u) << shift) + half) >> f.COSINE_FRACTION
-    vector[0], clip_u = saturate(u + change_u, f.VECTOR_WIDTH)
-    vector[1], clip_w = saturate(w + change_w, f.VECTOR_WIDTH)
+    vector[0], clip_u = summed((u << f.FRACTION) - turn[0] * u - turn[1] * w)
+    vector[1], clip_w = summed((w << f.FRACTION) - turn[0] * w + turn[2] * u)
     return clip_u | clip_w
 
 
@@ -165,7 +178,7 @@ def start_terms(r, words, reference, drift, turn, level):
     reference, drift : ndarray of int64, shape (2,)
         Filled: i*(k) and (exp(j omega_s T_s) - a11) i*(k) - a12 psi(k), u and w.
     turn : ndarray of int64, shape (3,)
-        Filled with `less`, `sine_u`, `sine_w` of `turned`.
+        Filled: 1 - cos, sqrt(3) sin and sin / sqrt(3) of the angle of a step.
     level : ndarray of int64, shape (2,)
         Filled: change of the error by a quarter of v_dc in a stage of one step and of two.
 
@@ -174,50 +187,29 @@ def start_terms(r, words, reference, drift, turn, level):
     saturated : int
         1 where a word did not hold its value.
     """
-    omega_s, omega_r = words[11], words[12]
-    angle, clip = rounded(omega_s * r[_ANGLE], f.SPEED_FRACTION, f.FACTOR_WIDTH)
-    saturated = clip
-    # 1 - cos = x^2/2 and sin = x - x/3 (1 - cos), up to the fourth power of x
-    shift = 2 * f.ANGLE_FRACTION + 1 - f.COSINE_FRACTION
-    turn[0], clip = rounded(angle * angle, shift, f.FACTOR_WIDTH)
-    saturated |= clip
-    cubic, _ = rounded(angle * turn[0], f.COSINE_FRACTION, f.FACTOR_WIDTH)
-    less, _ = rounded(-cubic * THIRD, 17, f.FACTOR_WIDTH)
-    sine, _ = saturate(angle + less, f.FACTOR_WIDTH)
-    turn[1], clip = rounded(sine * ROOT, f.ANGLE_FRACTION + 16 - f.SINE_FRACTION, f.FACTOR_WIDTH)
-    saturated |= clip
-    turn[2], clip = rounded(
-        sine * INVERSE_ROOT, f.ANGLE_FRACTION + 17 - f.SINE_FRACTION, f.FACTOR_WIDTH
-    )
-    saturated |= clip
-
+    omega_s, omega_r = words[11] << f.SPEED_SHIFT, words[12] << f.SPEED_SHIFT
+    # sin x = x and 1 - cos x = x^2/2
+    turn[1], saturated = summed(omega_s * r[_ANGLE])
+    turn[2], _ = summed(turn[1] * THIRD)
+    half, _ = summed(turn[1] * SIXTH)
+    turn[0], _ = summed(turn[1] * half)
     reference[0] = words[9] << f.VECTOR_SHIFT
-    reference[1], _ = rounded(words[10] * INVERSE_ROOT, 17 - f.VECTOR_SHIFT, f.VECTOR_WIDTH)
+    reference[1], _ = summed((words[10] << f.VECTOR_SHIFT) * INVERSE_ROOT)
     flux_u = words[2] << f.FLUX_SHIFT
-    flux_w, _ = rounded(words[3] * INVERSE_ROOT, 17 - f.FLUX_SHIFT, f.VECTOR_WIDTH)
-
-    square, clip = rounded(omega_r * omega_r, f.SPEED_FRACTION, f.FACTOR_WIDTH)
-    more = (square * r[_FLUX_2] + (1 << (f.SPEED_FRACTION - 1))) >> f.SPEED_FRACTION
-    straight, clip3 = saturate(r[_FLUX_0] + more, f.FACTOR_WIDTH)
-    across_u, clip4 = rounded(omega_r * r[_FLUX_U], f.SPEED_FRACTION, f.FACTOR_WIDTH)
-    across_w, clip5 = rounded(omega_r * r[_FLUX_W], f.SPEED_FRACTION, f.FACTOR_WIDTH)
-    saturated |= clip | clip3 | clip4 | clip5
-
-    # sums of products with COSINE_FRACTION bits below one
-    by_sine = f.COSINE_FRACTION - f.SINE_FRACTION
-    by_decay = f.COSINE_FRACTION - f.DECAY_FRACTION
-    by_flux = f.COSINE_FRACTION - f.FLUX_FACTOR_FRACTION
+    flux_w, _ = summed((words[3] << f.FLUX_SHIFT) * INVERSE_ROOT)
+    square, clip0 = summed(omega_r * omega_r)
+    straight, clip = summed((r[_FLUX_0] << f.FRACTION) + square * r[_FLUX_2])
+    across_u, clip2 = summed(omega_r * r[_FLUX_U])
+    across_w, clip3 = summed(omega_r * r[_FLUX_W])
+    saturated |= clip0 | clip | clip2 | clip3
     i_u, i_w = reference[0], reference[1]
-    total = -turn[0] * i_u - ((turn[1] * i_w) << by_sine) + ((r[_DECAY_1] * i_u) << by_decay)
-    total += (across_u * flux_w - straight * flux_u) << by_flux
-    drift[0], clip = rounded(total, f.COSINE_FRACTION, f.VECTOR_WIDTH)
-    total = -turn[0] * i_w + ((turn[2] * i_u) << by_sine) + ((r[_DECAY_1] * i_w) << by_decay)
-    total -= (across_w * flux_u + straight * flux_w) << by_flux
-    drift[1], clip2 = rounded(total, f.COSINE_FRACTION, f.VECTOR_WIDTH)
+    total = (r[_DECAY_1] - turn[0]) * i_u - turn[1] * i_w
+    drift[0], clip = summed(total + across_u * flux_w - straight * flux_u)
+    total = (r[_DECAY_1] - turn[0]) * i_w + turn[2] * i_u
+    drift[1], clip2 = summed(total - across_w * flux_u - straight * flux_w)
     saturated |= clip | clip2
-
-    level[0], clip = rounded(words[8] * r[_LEVEL_1], f.FORCED_FRACTION, f.LEVEL_WIDTH)
-    level[1], clip2 = rounded(words[8] * r[_LEVEL_2], f.FORCED_FRACTION, f.LEVEL_WIDTH)
+    level[0], clip = summed(words[8] * r[_LEVEL_1])
+    level[1], clip2 = summed(words[8] * r[_LEVEL_2])
     return saturated | clip | clip2
 
 
@@ -234,7 +226,7 @@ def stage_terms(r, steps, reference, drift, turn, drift_out, neutral, phase):
     reference, drift, turn : ndarray of int64
         As of `start_terms`; the first two are replaced.
     drift_out : ndarray of int64, shape (2,)
-        Filled: drift of the whole stage, u and w, LSB of a node's error.
+        Filled: drift of the whole stage, u and w.
     neutral, phase : ndarray of int64, shape (3,)
         Filled: what each phase's charge takes from v_n and adds to v_ph.
 
@@ -243,92 +235,65 @@ def stage_terms(r, steps, reference, drift, turn, drift_out, neutral, phase):
     saturated : int
         1 where a word did not hold its value.
     """
-    before_u, before_w = reference[0], reference[1]
-    first_u, first_w = drift[0], drift[1]
-    saturated = turned(reference, turn[0], turn[1], turn[2])
-    saturated |= turned(drift, turn[0], turn[1], turn[2])
+    u, w = reference[0], reference[1]
+    drift_out[0], drift_out[1] = drift[0], drift[1]
+    saturated = turned(reference, turn)
+    saturated |= turned(drift, turn)
+    # twice the reference in the middle of the stage: a mean over a step, the step's end over two
     if steps == 1:
-        drift_out[0] = first_u << f.VECTOR_SHIFT
-        drift_out[1] = first_w << f.VECTOR_SHIFT
-        middle_u = (before_u + reference[0]) >> 1
-        middle_w = (before_w + reference[1]) >> 1
+        u, w = u + reference[0], w + reference[1]
     else:
+        u, w = 2 * reference[0], 2 * reference[1]
         # the second step's drift, and the first one's with its decay
-        shift = f.DECAY_FRACTION - f.VECTOR_SHIFT
-        half = 1 << (shift - 1)
-        drift_out[0] = (first_u + drift[0]) << f.VECTOR_SHIFT
-        drift_out[0] -= (first_u * r[_DECAY_1] + half) >> shift
-        drift_out[1] = (first_w + drift[1]) << f.VECTOR_SHIFT
-        drift_out[1] -= (first_w * r[_DECAY_1] + half) >> shift
-        middle_u, middle_w = reference[0], reference[1]
-        saturated |= turned(reference, turn[0], turn[1], turn[2])
-        saturated |= turned(drift, turn[0], turn[1], turn[2])
-    i_b, clip = saturate((3 * middle_w - middle_u) >> 1, f.FACTOR_WIDTH)
+        for n in range(2):
+            total = ((drift_out[n] + drift[n]) << f.FRACTION) - r[_DECAY_1] * drift_out[n]
+            drift_out[n], clip = summed(total)
+            saturated |= clip
+        saturated |= turned(reference, turn)
+        saturated |= turned(drift, turn)
+    half_a, _ = summed(2 * EIGHTH * u)
+    half_b, clip = summed(EIGHTH * (3 * w - u))
     saturated |= clip
-    shift = f.CHARGE_FRACTION - (steps - 1)
-    for n in range(2):
-        current = middle_u if n == 0 else i_b
-        neutral[n], clip = rounded(current * r[_NEUTRAL], shift, f.CHARGE_WIDTH)
-        phase[n], clip2 = rounded(current * r[_CAPACITOR], shift, f.CHARGE_WIDTH)
-        saturated |= clip | clip2
-    neutral[2], clip = saturate(-neutral[0] - neutral[1], f.CHARGE_WIDTH)
-    phase[2], clip2 = saturate(-phase[0] - phase[1], f.CHARGE_WIDTH)
-    return saturated | clip | clip2
+    for n in range(3):
+        current = half_a if n == 0 else half_b if n == 1 else -half_a - half_b
+        by_neutral, clip = summed(current * r[_NEUTRAL])
+        by_phase, clip2 = summed(current * r[_CAPACITOR])
+        neutral[n], clip3 = saturate(by_neutral << (steps - 1), f.VOLTAGE_WIDTH)
+        phase[n], clip4 = saturate(by_phase << (steps - 1), f.VOLTAGE_WIDTH)
+        saturated |= clip | clip2 | clip3 | clip4
+    return saturated
 
 
 @njit
-def _ahead(now, before, shift, low, width):
+def _ahead(now, before, shift, low):
     """Square of where a straight line leads in 2^shift stages, less `low` bits, in a word."""
-    word, _ = saturate((now + ((now - before) << shift)) >> low, width)
+    word, _ = saturate((now + ((now - before) << shift)) >> low, f.AHEAD_WIDTH)
     return word * word
 
 
 @njit
-def phase_terms(r, steps, now, before):
-    """Cost of a capacitor's excess, and what the key adds for where it is going.
+def voltage_terms(steps, bound, weight, now, before, low):
+    """Cost of a voltage's excess, and what the key adds for where it is going.
 
     Parameters
     ----------
-    r : ndarray of int64
-        `Registers.array()`.
     steps : int
         1 or 2.
+    bound, weight : int
+        Where the cost begins; exponent of its weight.
     now, before : int
-        Deviation of v_ph behind the stage and in front of it.
+        Voltage behind the stage and in front of it.
+    low : int
+        Right shift of the square of the voltage ahead.
 
     Returns
     -------
     cost, ahead : int
         LSB of the cost.
     """
-    over = max(0, abs(now) - r[_BOUND_PHASE])
-    cost = (over * over) >> (f.VOLTAGE_COST_SHIFT - r[_WEIGHT_PHASE] - (steps - 1))
-    square = _ahead(now, before, 3 - steps, 0, f.FACTOR_WIDTH)
-    return cost, square >> f.CAPACITOR_AHEAD_SHIFT
-
-
-@njit
-def neutral_terms(r, steps, now, before):
-    """Cost of v_n's excess, and what the key adds for where it is going; as `phase_terms`.
-
-    Parameters
-    ----------
-    r : ndarray of int64
-        `Registers.array()`.
-    steps : int
-        1 or 2.
-    now, before : int
-        v_n behind the stage and in front of it.
-
-    Returns
-    -------
-    cost, ahead : int
-        LSB of the cost.
-    """
-    over = max(0, abs(now) - r[_BOUND_NEUTRAL])
-    cost = (over * over) >> (f.VOLTAGE_COST_SHIFT - r[_WEIGHT_NEUTRAL] - (steps - 1))
-    square = _ahead(now, before, 3 - steps, 0, f.FACTOR_WIDTH)
-    return cost, square >> f.NEUTRAL_AHEAD_SHIFT
+    over = min(max(0, abs(now) - bound), 2**f.EXCESS_WIDTH - 1)
+    cost = (over * over) >> (f.EXCESS_SHIFT - weight - (steps - 1))
+    return cost, _ahead(now, before, 3 - steps, f.VOLTAGE_AHEAD_SHIFT) >> low
 
 
 @njit
@@ -347,11 +312,11 @@ def error_terms(steps, u, w, before_u, before_w):
     cost, ahead : int
         LSB of the cost.
     """
-    low = f.SQUARED_SHIFT
-    square = (u >> low) * (u >> low) + 3 * ((w >> low) * (w >> low))
-    ahead = _ahead(u, before_u, 4 - steps, low, f.FACTOR_WIDTH)
-    ahead += 3 * _ahead(w, before_w, 4 - steps, low, f.FACTOR_WIDTH)
-    return square >> (f.COST_SHIFT - (steps - 1)), ahead >> f.CURRENT_AHEAD_SHIFT
+    shift = f.COST_SHIFT - (steps - 1)
+    by_u, by_w = u >> f.SQUARED_SHIFT, w >> f.SQUARED_SHIFT
+    ahead_u = _ahead(u, before_u, 4 - steps, f.ERROR_AHEAD_SHIFT) >> f.CURRENT_AHEAD_SHIFT
+    ahead_w = _ahead(w, before_w, 4 - steps, f.ERROR_AHEAD_SHIFT) >> f.CURRENT_AHEAD_SHIFT
+    return (by_u * by_u >> shift) + 3 * (by_w * by_w >> shift), ahead_u + 3 * ahead_w
 
 
 @njit
@@ -400,13 +365,13 @@ def decide_words(parameters, words, s_prev, plan, following):
     parents = np.empty((stages, beam), np.int64)
     codes = np.empty((stages, beam), np.int64)
     low = f.SQUARED_SHIFT
-    node[0, 0] = (words[9] - words[0]) << low
-    node[0, 1], _ = rounded((words[10] - words[1]) * INVERSE_ROOT, 17 - low, f.ERROR_WIDTH)
-    node[0, 2] = words[4]
+    node[0, 0] = (words[9] - words[0]) << f.VECTOR_SHIFT
+    node[0, 1] = rounded(
+        ((words[10] - words[1]) << f.VECTOR_SHIFT) * INVERSE_ROOT, f.FRACTION, f.ERROR_WIDTH
+    )[0]
+    node[0, 2] = words[4] >> f.VOLTAGE_SHIFT
     for x in range(3):
-        node[0, 3 + x] = 2 * words[5 + x] - words[8]
-        node[0, 3 + x], clip = saturate(node[0, 3 + x], f.VOLTAGE_WIDTH)
-        saturated |= clip
+        node[0, 3 + x] = (2 * words[5 + x] - words[8]) >> f.VOLTAGE_SHIFT
         place[0, x] = s_prev[x]
     node[0, 6] = 0
     width = 1
@@ -428,12 +393,10 @@ def decide_words(parameters, words, s_prev, plan, following):
         for parent in range(width):
             own = node[parent]
             # what all children of a node share
-            shift = f.DECAY_FRACTION - low
-            half = 1 << (shift - 1)
-            base_u = own[0] - (((own[0] >> low) * decay + half) >> shift) + out[0]
-            base_w = own[1] - (((own[1] >> low) * decay + half) >> shift) + out[1]
-            by_neutral, clip = rounded(own[2] * forced, f.FORCED_FRACTION, f.ERROR_WIDTH)
-            saturated |= clip
+            shift = f.FRACTION - low
+            base_u = own[0] - ((own[0] >> low) * decay >> shift) + out[0]
+            base_w = own[1] - ((own[1] >> low) * decay >> shift) + out[1]
+            by_neutral = own[2] * forced >> f.FORCED_FRACTION
             planned = KEEP
             if parent == 0 and j >= 0 and 1 <= plan[j] <= 3 * NEIGHBOURS:
                 x, m = (plan[j] - 1) // NEIGHBOURS, (plan[j] - 1) % NEIGHBOURS
@@ -457,8 +420,7 @@ def decide_words(parameters, words, s_prev, plan, following):
                 rank = 0
                 for x in range(3):
                     s = moved[x]
-                    by_phase, clip = rounded(own[3 + x] * forced, f.FORCED_FRACTION, f.ERROR_WIDTH)
-                    saturated |= clip
+                    by_phase = own[3 + x] * forced >> f.FORCED_FRACTION
                     change[x] = t.level[s] * level[steps - 1]
                     change[x] += t.neutral[s] * by_neutral + t.capacitor[s] * by_phase
                     child[2] -= t.neutral_current[s] * neutral[x]
@@ -466,7 +428,10 @@ def decide_words(parameters, words, s_prev, plan, following):
                         own[3 + x] + t.capacitor_current[s] * phase[x], f.VOLTAGE_WIDTH
                     )
                     saturated |= clip
-                    more, ahead = phase_terms(r, steps, child[3 + x], own[3 + x])
+                    more, ahead = voltage_terms(
+                        steps, r[_BOUND_PHASE], r[_WEIGHT_PHASE], child[3 + x], own[3 + x],
+                        f.CAPACITOR_AHEAD_SHIFT,
+                    )  # fmt: skip
                     cost += more
                     rank += ahead
                 child[2], clip = saturate(child[2], f.VOLTAGE_WIDTH)
@@ -484,7 +449,10 @@ def decide_words(parameters, words, s_prev, plan, following):
                     found = 1
                     continue
                 candidates += 1
-                more, ahead = neutral_terms(r, steps, child[2], own[2])
+                more, ahead = voltage_terms(
+                    steps, r[_BOUND_NEUTRAL], r[_WEIGHT_NEUTRAL], child[2], own[2],
+                    f.NEUTRAL_AHEAD_SHIFT,
+                )  # fmt: skip
                 cost += more
                 rank += ahead
                 more, ahead = error_terms(steps, child[0], child[1], own[0], own[1])

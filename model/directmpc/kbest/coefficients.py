@@ -76,24 +76,24 @@ def registers(drive: KbestDrive) -> Registers:
     # what depends on the speed but little is taken at standstill; a12 is exact at 0 and 1 pu
     one, two = (discretise(load, 0.0, steps * ts) for steps in (1, 2))
     a12, turning = one[1], discretise(load, 1.0, ts)[1]
-    speed = 2.0**f.SPEED_FRACTION
-    flux = f.VECTOR_SCALE / f.FLUX_SCALE * 2.0**f.FLUX_FACTOR_FRACTION
-    fast = flux * speed / SPEED.scale
-    # the square of a speed comes with SPEED_FRACTION bits less than the product has
-    square = flux * speed * speed / SPEED.scale**2
+    one_word = 2.0**f.FRACTION
+    speed = SPEED.scale * 2.0**f.SPEED_SHIFT
+    flux = f.VECTOR_SCALE / f.FLUX_SCALE * one_word
+    fast = flux * one_word / speed
     forced = f.ERROR_SCALE / 3.0
+    level = forced / (4.0 * LINK_VOLTAGE.scale) * one_word
     real = {
-        "angle": ts / SPEED.scale * 2.0**f.ANGLE_FRACTION * speed,
-        "decay_1": (1.0 - one[0].real) * 2.0**f.DECAY_FRACTION,
-        "decay_2": (1.0 - two[0].real) * 2.0**f.DECAY_FRACTION,
+        "angle": ts * _ROOT / speed * one_word * one_word,
+        "decay_1": (1.0 - one[0].real) * one_word,
+        "decay_2": (1.0 - two[0].real) * one_word,
         "flux_0": a12.real * flux,
-        "flux_2": (turning.real - a12.real) * square,
+        "flux_2": (turning.real - a12.real) * flux * (one_word / speed) ** 2,
         "flux_u": turning.imag * _ROOT * fast,
         "flux_w": turning.imag / _ROOT * fast,
         "forced_1": one[4].real * forced / f.VOLTAGE_SCALE * 2.0**f.FORCED_FRACTION,
         "forced_2": two[4].real * forced / f.VOLTAGE_SCALE * 2.0**f.FORCED_FRACTION,
-        "level_1": one[4].real * forced / (4.0 * LINK_VOLTAGE.scale) * 2.0**f.FORCED_FRACTION,
-        "level_2": two[4].real * forced / (4.0 * LINK_VOLTAGE.scale) * 2.0**f.FORCED_FRACTION,
+        "level_1": one[4].real * level,
+        "level_2": two[4].real * level,
         "neutral": ts / (2.0 * inverter.xdc) * _PER_CURRENT,
         "capacitor": ts / inverter.xph * _PER_CURRENT,
     }
@@ -119,8 +119,8 @@ def registers(drive: KbestDrive) -> Registers:
     return Registers(values, c.beam, c.short_stages + c.long_stages)
 
 
-_PER_CURRENT = f.VOLTAGE_SCALE / f.VECTOR_SCALE * 2.0**f.CHARGE_FRACTION
-"""Words of a charge's coefficient per unit of voltage and current."""
+_PER_CURRENT = 2.0 * f.VOLTAGE_SCALE / f.VECTOR_SCALE * 2.0**f.FRACTION
+"""Words of a charge's coefficient, of half a current, per unit of voltage and current."""
 
 assert CURRENT.scale * 2**f.VECTOR_SHIFT == f.VECTOR_SCALE
 
