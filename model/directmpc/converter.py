@@ -202,6 +202,17 @@ class Converter:
         return _table(-self.capacitor)
 
     @cached_property
+    def has_signed_weights(self) -> bool:
+        """Whether the weight of a transition depends on the sign of the current.
+
+        Returns
+        -------
+        bool
+            False where `transition_weight` has the same table twice.
+        """
+        return not np.array_equal(*self.transition_weight)
+
+    @cached_property
     def next_count(self) -> IntArray:
         """How many positions may follow each position.
 

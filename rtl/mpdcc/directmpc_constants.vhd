@@ -282,6 +282,7 @@ package directmpc_constants is
   constant COEFFICIENT_COUNT : natural := 33;
   constant RESULT_COUNT : natural := 37;
   constant CAPACITOR_STEP : natural := 3; -- last for capacitors
+  constant CAPACITOR_AHEAD : natural := 9; -- likewise, successor
   constant BLOCK_COUNT : natural := 4; -- mac_blocks
   constant STEP_COUNT : natural := 8; -- factors of the successor alone
   constant PROGRAM_STEPS : natural := 26; -- clocks of the root's and successor's

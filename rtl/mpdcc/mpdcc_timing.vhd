@@ -32,7 +32,7 @@ package mpdcc_timing is
   -- stages of capacitor_search: two bits of the length in each after stage 2
   constant CAPACITOR_STAGES : natural := 2 + LENGTH_WIDTH / 2;
 
-  -- lines of capacitor_search: all of a root; those of a successor that have a slope
+  -- lines of capacitor_search, at most: all of a root; those of a successor that have a slope
   constant ROOT_LINES      : natural := 17;
   constant SUCCESSOR_LINES : natural := 13;
 
@@ -54,7 +54,7 @@ package mpdcc_timing is
 
   -- clocks from the begin of a successor's program: capacitor_search starts so that the terms of the
   -- phases are complete when it reads them
-  constant CAPACITORS_AT : natural := steps_to(RESULT_PHASE_ALPHA) + STEP_CLOCKS - CAPACITOR_READ;
+  constant CAPACITORS_AT : natural := CAPACITOR_AHEAD + STEP_CLOCKS - CAPACITOR_READ;
   -- the queue may show the next entry: what is needed of this one is kept at CAPACITORS_AT
   constant TAKEN_AT : natural := CAPACITORS_AT + 1;
   -- errors are complete, the search for the thresholds starts

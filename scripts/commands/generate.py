@@ -10,6 +10,7 @@ from scripts.shared.command import Command
 #: Modules of `scripts.generate`, in the order in which they need one another.
 GENERATORS = (
     "mpdcc_package",
+    "converter_package",
     "mptc_package",
     "kbest_package",
     "observer_packages",

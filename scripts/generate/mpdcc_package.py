@@ -1,8 +1,7 @@
-"""Writes the packages of MPDCC, ``directmpc_constants`` and ``anpc5l_leg``.
+"""Writes the package ``directmpc_constants``: formats and programs.
 
-The first has formats and programs, the second the tables of the inverter's leg. Python owns them;
-the files are checked in so that the RTL can be used without Python, and CI fails when one differs
-from what this module writes.
+Python owns them; the file is checked in so that the RTL can be used without Python, and CI fails
+when it differs from what this module writes.
 """
 
 from __future__ import annotations
@@ -13,11 +12,10 @@ from pathlib import Path
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc import program as ct
-from scripts.hdl import converter_package
 from scripts.shared import tools
 
 _RTL = Path(__file__).resolve().parents[2] / "rtl"
-_PATH = _RTL / "mpdcc" / "directmpc_constants.vhd"
+PATH = _RTL / "mpdcc" / "directmpc_constants.vhd"
 
 _HEADER = """\
 -- Formats and programs shared by model and RTL.
@@ -135,15 +133,16 @@ def _variants(name: str, kind: str, tables: list[list[list[int]]], comment: str)
 class _Program:
     """A program of the common terms as tables of integers, padded to a common length."""
 
-    def __init__(self, variant: str, length: int) -> None:
+    def __init__(self, plan: ct.Plan, variant: str, length: int) -> None:
         self.variant = variant
-        self.root = ct.PROGRAMS[variant]
-        self.blocks = [list(block) for block in ct.PROGRAMS[variant]]
+        self.root = plan.programs[variant]
+        self.successor = plan.successor
+        self.blocks = [list(block) for block in self.root]
         if variant == "fast":
             first = max(len(block) for block in self.root)
             self.blocks = [
                 [*block, *[None] * (first - len(block)), *after]
-                for block, after in zip(self.blocks, ct.SUCCESSOR, strict=True)
+                for block, after in zip(self.blocks, self.successor, strict=True)
             ]
         self.first = max(len(block) for block in self.root)
         self.length = length
@@ -168,7 +167,7 @@ class _Program:
         """
         if clock < self.first and self.variant == "paper":
             return ct.base_alignment(self.root, result)
-        both = (*self.root, *ct.SUCCESSOR)
+        both = (*self.root, *self.successor)
         return ct.base_alignment(both, result)
 
     def words(self, field: str) -> list[list[int]]:
@@ -229,28 +228,12 @@ class _Program:
         return self._rows(complete, -1)
 
 
-def _capacitor_step() -> int:
-    """Clock of issue that completes what the capacitor search needs; the same in all programs."""
-    wanted = ("error_neutral", "error_a", "error_b", "error_c", "phase_", "midpoint_")
-    last = {
-        max(
-            clock
-            for block in program
-            for clock, step in enumerate(block)
-            if step.result.startswith(wanted)
-        )
-        for program in ct.PROGRAMS.values()
-    }
-    (step,) = last
-    return step
-
-
-def _program() -> list[str]:
+def _program(plan: ct.Plan) -> list[str]:
     """Programs of the common terms; variant 0 is the fast one, variant 1 the paper's."""
     variants = ("fast", "paper")
-    first = ct.PROGRAM_LENGTHS["fast"]
+    first = max(len(block) for block in plan.programs["fast"])
     length = first + ct.SUCCESSOR_LENGTH
-    programs = [_Program(variant, length) for variant in variants]
+    programs = [_Program(plan, variant, length) for variant in variants]
     operands, factors, results = programs[0].operands, programs[0].factors, programs[0].results
     lines = []
     for prefix, names in (
@@ -262,17 +245,19 @@ def _program() -> list[str]:
         for index, name in enumerate(names):
             lines.append(f"  constant {prefix}_{name.upper()} : natural := {index};")
         lines.append("")
-    lengths = ", ".join(str(ct.PROGRAM_LENGTHS[variant]) for variant in variants)
+    lengths = ", ".join(str(program.first) for program in programs)
     runs = (*variants, "successor")
     places = [
-        [str(results.index(ct.REGISTERS[run].get(name, name))) for name in results] for run in runs
+        [str(results.index(plan.registers[run].get(name, name))) for name in results]
+        for run in runs
     ]
     accumulators = [
-        ", ".join(str(largest.bit_length() + 1) for largest in ct.largest_of_blocks(run))
+        ", ".join(str(largest.bit_length() + 1) for largest in ct.largest_of_blocks(run, plan))
         for run in runs
     ]
     saturating = [
-        ", ".join(str(int(ct.saturates(variant, name))) for name in results) for variant in variants
+        ", ".join(str(int(ct.saturates(variant, name, plan))) for name in results)
+        for variant in variants
     ]
     lines += [
         f"  constant OPERAND_COUNT : natural := {len(operands)}; -- signals, products, base",
@@ -282,7 +267,8 @@ def _program() -> list[str]:
         f"  constant FACTOR_COUNT : natural := {len(factors)};",
         f"  constant COEFFICIENT_COUNT : natural := {len(ct.COEFFICIENTS)};",
         f"  constant RESULT_COUNT : natural := {len(results)};",
-        f"  constant CAPACITOR_STEP : natural := {_capacitor_step()}; -- last for capacitors",
+        f"  constant CAPACITOR_STEP : natural := {plan.capacitor_step}; -- last for capacitors",
+        f"  constant CAPACITOR_AHEAD : natural := {plan.successor_step}; -- likewise, successor",
         f"  constant BLOCK_COUNT : natural := {len(programs[0].blocks)}; -- mac_blocks",
         f"  constant STEP_COUNT : natural := {len(ct.STEPS)}; -- factors of the successor alone",
         f"  constant PROGRAM_STEPS : natural := {length}; -- clocks of the root's and successor's",
@@ -338,8 +324,8 @@ def _program() -> list[str]:
     return lines
 
 
-def text() -> str:
-    """The whole package."""
+def text(plan: ct.Plan = ct.USUAL) -> str:
+    """The whole package, for what the multiply-accumulate blocks run."""
     return "\n".join(
         [
             _HEADER,
@@ -349,7 +335,7 @@ def text() -> str:
             "package directmpc_constants is",
             "",
             *_formats(),
-            *_program(),
+            *_program(plan),
             "end package directmpc_constants;",
             "",
         ]
@@ -357,6 +343,5 @@ def text() -> str:
 
 
 def write() -> None:
-    """Write the packages."""
-    tools.write(_PATH, text())
-    tools.write(converter_package.PACKAGE, converter_package.text())
+    """Write the package."""
+    tools.write(PATH, text())

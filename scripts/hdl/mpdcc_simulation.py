@@ -15,7 +15,8 @@ from directmpc.mpdcc.coefficients import inwards, second_level, weighted_deadloc
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.plant import Plant
-from scripts.hdl import converter_package, simulator
+from scripts.generate import converter_package
+from scripts.hdl import simulator
 from scripts.hdl.clocks import clocks_of, worst_clocks
 from scripts.hdl.simulator import Answer
 from scripts.shared.tools import ROOT

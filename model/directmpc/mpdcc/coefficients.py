@@ -223,21 +223,27 @@ def _prediction(drive: Drive, variant: str) -> tuple[dict[str, float], int, floa
     return real | {"forced": h * float(m.b[0])}, length, correction
 
 
+def _parts(drive: Drive) -> tuple[bool, bool]:
+    """Whether the converter has a neutral point, and capacitors of the phases."""
+    return bool(drive.converter.neutral.any()), bool(drive.converter.capacitor.any())
+
+
 def _per_unit(drive: Drive, real: dict[str, float]) -> dict[str, float]:
     """Add what the prediction does not depend on, and the beta components."""
     h = drive.ts_pu
     result = dict(real)
     forced = result.pop("forced") / 3.0 * 2.0**f.FORCED_FRACTION
+    has_neutral, has_capacitors = _parts(drive)
+    # weights by the current's sign take it from this term
+    phase = h / drive.inverter.xph * (has_capacitors or drive.converter.has_signed_weights)
     result |= {
         "error_alpha": _ERROR / f.CURRENT.scale,
-        "error_neutral": -_ERROR / f.NEUTRAL_VOLTAGE.scale * bool(drive.converter.neutral.any()),
-        "error_phase": _ERROR
-        / (2.0 * f.CAPACITOR_VOLTAGE.scale)
-        * bool(drive.converter.capacitor.any()),
+        "error_neutral": -_ERROR / f.NEUTRAL_VOLTAGE.scale * has_neutral,
+        "error_phase": _ERROR / (2.0 * f.CAPACITOR_VOLTAGE.scale) * has_capacitors,
         "forced_voltage": forced * _COARSE / f.CAPACITOR_VOLTAGE.scale,
         "forced_neutral": forced * _COARSE / f.NEUTRAL_VOLTAGE.scale,
-        "phase_alpha": h / drive.inverter.xph * _FINE / f.CURRENT.scale,
-        "midpoint_alpha": h / (2.0 * drive.inverter.xdc) * _FINE / f.CURRENT.scale,
+        "phase_alpha": phase * _FINE / f.CURRENT.scale,
+        "midpoint_alpha": has_neutral * h / (2.0 * drive.inverter.xdc) * _FINE / f.CURRENT.scale,
     }
     for name in [n.removesuffix("_alpha") for n in result if n.endswith("_alpha")]:
         # cross terms change sign between the components
@@ -248,7 +254,8 @@ def _per_unit(drive: Drive, real: dict[str, float]) -> dict[str, float]:
 
 def _weight(drive: Drive) -> tuple[int, dict[str, float]]:
     """Finest scale of sqrt(lambda_n)*v_n that fits, and its three coefficients."""
-    root = (drive.control.lambda_n * f.COST_UNIT / 2**f.RECIPROCAL_FRACTION) ** 0.5
+    lambda_n = drive.control.lambda_n if _parts(drive)[0] else 0.0
+    root = (lambda_n * f.COST_UNIT / 2**f.RECIPROCAL_FRACTION) ** 0.5
     slope = -root * drive.ts_pu / (2.0 * drive.inverter.xdc)
     for scale in reversed(range(len(f.WEIGHT_FRACTIONS))):
         unit = 2.0 ** f.WEIGHT_FRACTIONS[scale]
@@ -327,11 +334,11 @@ def _successor(
             ("change_phase", "change_midpoint", "change_weight", "error_forced"), 0
         )
     change = 2.0**-f.CHANGE_FRACTION
-    h = drive.ts_pu
+    h, (has_neutral, has_capacitors) = drive.ts_pu, _parts(drive)
     turned = -weight["weight"] * f.NEUTRAL_VOLTAGE.scale / unit
     return {
-        "change_phase": h / drive.inverter.xph * change * _COARSE,
-        "change_midpoint": h / (2.0 * drive.inverter.xdc) * change * _COARSE,
+        "change_phase": has_capacitors * h / drive.inverter.xph * change * _COARSE,
+        "change_midpoint": has_neutral * h / (2.0 * drive.inverter.xdc) * change * _COARSE,
         "change_weight": max(-_HIGH, min(_HIGH, turned)),
         "error_forced": -real["forced_voltage"] * f.CAPACITOR_VOLTAGE.scale,
     }
@@ -384,15 +391,17 @@ def unrounded(drive: Drive, variant: str, room: float = 1.0) -> Unrounded:
     """
     prediction, length, correction = _prediction(drive, variant)
     real = _per_unit(drive, prediction)
-    bounds = (drive.control.bound_current, drive.control.bound_vn, drive.control.bound_vph)
-    high = f.BOUND_HIGH[variant]
+    there = (True, *_parts(drive))
+    given = (drive.control.bound_current, drive.control.bound_vn, drive.control.bound_vph)
+    bounds = tuple(bound if has else 0.0 for bound, has in zip(given, there, strict=True))
+    high = float(f.BOUND_HIGH[variant])
     unit = least(
         *(
             f.COEFFICIENT_SHARE * _HIGH / abs(value * (room if name in CURRENT_SLOPES else 1.0))
             for name, value in real.items()
             if value != 0.0
         ),
-        *(high / bound for bound in bounds),
+        *(high / bound for bound, has in zip(bounds, there, strict=True) if has),
         _curvature_unit(drive) if variant == "fast" else math.inf,
     )
     unit = bounds_fit(unit, high, *bounds, *(real[name] for name in _ERRORS))
@@ -401,7 +410,8 @@ def unrounded(drive: Drive, variant: str, room: float = 1.0) -> Unrounded:
         coefficients={name: value * unit for name, value in real.items()}
         | weight
         | _successor(drive, real, weight, unit, variant),
-        bounds=(bounds[0] * unit, bounds[1] * unit, bounds[2] * unit),
+        # what a converter does not have is inside of the widest bound, and never the worst
+        bounds=tuple(b * unit if has else high for b, has in zip(bounds, there, strict=True)),
         weight_scale=scale,
         unit=unit,
         extrapolation=length,

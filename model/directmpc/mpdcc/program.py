@@ -19,6 +19,7 @@ coefficients, so that b_b = -b_alpha/2 + b_beta and b_c = -b_alpha/2 - b_beta ne
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from directmpc.mpdcc import formats as f
@@ -375,6 +376,117 @@ PROGRAM_LENGTHS = {
     variant: max(len(block) for block in program) for variant, program in PROGRAMS.items()
 }
 
+Program = tuple[tuple[Step | None, ...], ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What the blocks of a core run, by what its converter has.
+
+    Attributes
+    ----------
+    programs : dict of str to Program
+        As ``PROGRAMS``.
+    successor : Program
+        As ``SUCCESSOR``.
+    registers : dict of str to dict of str to str
+        As ``REGISTERS``.
+    absent : frozenset of str
+        Results that no step computes.
+    capacitor_step : int
+        Step that completes what the capacitor search needs.
+    successor_step : int
+        Likewise of the successor's program, before its first read.
+    """
+
+    programs: dict[str, Program]
+    successor: Program
+    registers: dict[str, dict[str, str]]
+    absent: frozenset[str]
+    capacitor_step: int
+    successor_step: int
+
+
+#: Results that are about phase capacitors; phase_* gives the signs of the currents too.
+_OF_CAPACITORS = ("error_a", "error_b", "error_c", "forced_a", "forced_b", "forced_c")
+_OF_CAPACITOR_CURRENTS = ("phase_alpha", "phase_beta")
+_OF_NEUTRAL = (
+    "error_neutral", "forced_neutral", "neutral_ahead", "midpoint_alpha", "midpoint_beta",
+    "weight_start", "weight_alpha", "weight_beta",
+)  # fmt: skip
+
+
+def _two_blocks(name: str, other: str, own: tuple[Step, Step]) -> tuple[Step, ...]:
+    """Without phase capacitors two blocks do: the one that owns a current component."""
+    return (
+        Step(f"psir_{name}", "omega_r", 1, f"flux_speed_{name}"),
+        Step(f"iref_{name}", "omega_s", 1, f"reference_speed_{name}"),
+        own[0],
+        Step(f"is_{name}", f"midpoint_{name}", 0, f"midpoint_{name}"),
+        Step(f"flux_speed_{name}", "omega_r", 0, f"flux_speed2_{name}"),
+        _squared(name),
+        Step(f"difference_{name}", f"error_{name}", 2, f"error_{name}"),
+        own[1],
+        *_curvature(name, other),
+        *_slope(name, other),
+        _WEIGHT_ALPHA if name == "alpha" else _WEIGHT_BETA,
+    )
+
+
+USUAL = Plan(PROGRAMS, SUCCESSOR, REGISTERS, frozenset(), 3, 9)
+
+
+def _without(program: Program, absent: Collection[str]) -> Program:
+    """A program whose blocks pause instead of computing these results."""
+    return tuple(
+        tuple(None if step and step.result in absent else step for step in block)
+        for block in program
+    )
+
+
+def plan_of(capacitors: bool, capacitor_currents: bool, neutral: bool) -> Plan:
+    """What the blocks run for a converter.
+
+    Parameters
+    ----------
+    capacitors : bool
+        Whether phases have capacitors.
+    capacitor_currents : bool
+        Whether their currents, or the signs of these, are needed.
+    neutral : bool
+        Whether there is a neutral point.
+
+    Returns
+    -------
+    Plan
+        ``USUAL`` where all is there.
+    """
+    gone: tuple[str, ...] = () if capacitors else _OF_CAPACITORS
+    gone += () if capacitor_currents else _OF_CAPACITOR_CURRENTS
+    gone += () if neutral else _OF_NEUTRAL
+    programs, registers, steps = PROGRAMS, REGISTERS, (3, 9)
+    if not capacitors and not capacitor_currents:
+        fast = (
+            _two_blocks("alpha", "beta", (_HEAD_3[1], _FORCED["forced_link"])),
+            _two_blocks("beta", "alpha", (_FORCED["forced_neutral"], _WEIGHT_START)),
+            (),
+            (),
+        )
+        programs = PROGRAMS | {"fast": fast}
+        registers = REGISTERS | {"fast": REGISTERS["successor"]}
+        steps = (3, 11)
+    absent = frozenset(gone)
+    return Plan(
+        {variant: _without(program, absent) for variant, program in programs.items()},
+        _without(SUCCESSOR, absent),
+        {
+            run: {name: of for name, of in pairs.items() if name not in absent}
+            for run, pairs in registers.items()
+        },
+        absent,
+        *steps,
+    )
+
 
 def result_width(name: str) -> int:
     """Width in bits of a result (saturating).
@@ -412,7 +524,7 @@ def _largest_signal(name: str) -> int:
     return 2**16 - 1 if unsigned else 2**15
 
 
-def largest_sums(program: tuple[tuple[Step, ...], ...]) -> dict[str, int]:
+def largest_sums(program: Program) -> dict[str, int]:
     """Largest magnitude each result of a program can have before it is saturated.
 
     Every operand and coefficient is taken at the extreme of its word, whatever a drive allows.
@@ -433,6 +545,8 @@ def largest_sums(program: tuple[tuple[Step, ...], ...]) -> dict[str, int]:
             if clock >= len(block):
                 continue
             step = block[clock]
+            if step is None:
+                continue
             if step.a in SIGNALS:
                 a = _largest_signal(step.a)
             else:
@@ -443,7 +557,7 @@ def largest_sums(program: tuple[tuple[Step, ...], ...]) -> dict[str, int]:
     return largest
 
 
-def saturates(variant: str, name: str) -> bool:
+def saturates(variant: str, name: str, plan: Plan = USUAL) -> bool:
     """Whether a result can exceed its word at all: only then is there logic to saturate it.
 
     Parameters
@@ -452,19 +566,21 @@ def saturates(variant: str, name: str) -> bool:
         "paper" or "fast".
     name : str
         One of PRODUCTS or TERMS.
+    plan : Plan
+        What the blocks run.
 
     Returns
     -------
     bool
         False as well where no step of the variant computes it.
     """
-    sums = largest_sums(PROGRAMS[variant])
+    sums = largest_sums(plan.programs[variant])
     if variant == "fast" and name in SUCCESSOR_SATURATES:
         return True
     return name in sums and sums[name] >> f.RESULT_SHIFT >= 2 ** (result_width(name) - 1)
 
 
-def base_alignment(program: tuple[tuple[Step | None, ...], ...], result: str) -> int:
+def base_alignment(program: Program, result: str) -> int:
     """Smallest alignment among the products of a result: it costs no logic, only wiring.
 
     Parameters
@@ -489,29 +605,34 @@ def base_alignment(program: tuple[tuple[Step | None, ...], ...], result: str) ->
     )
 
 
-def check_program(variant: str) -> None:
+def check_program(variant: str, plan: Plan = USUAL) -> None:
     """Check that no step reads a product before it exists and no sum is interrupted.
 
     Parameters
     ----------
     variant : str
         "paper" or "fast".
+    plan : Plan
+        What the blocks run.
 
     Raises
     ------
     ValueError
         Naming the operand, the sum or the term that is wrong, and its clock.
     """
-    program = PROGRAMS[variant]
+    program = plan.programs[variant]
     ready: dict[str, int] = {}
     for block in program:
         for clock, step in enumerate(block):
-            if step.result in PRODUCTS:
+            if step and step.result in PRODUCTS:
                 ready[step.result] = clock + RESULT_LATENCY
     seen: set[str] = set()
     for block in program:
         last = ""
         for clock, step in enumerate(block):
+            if step is None:
+                last = ""
+                continue
             if step.a not in SIGNALS and clock < ready[step.a]:
                 raise ValueError(f"{step.a} is read at clock {clock}, ready at {ready[step.a]}")
             if step.b not in COEFFICIENTS and step.b not in SPEEDS:
@@ -525,18 +646,20 @@ def check_program(variant: str) -> None:
         spared += ("curvature_", "reference_speed2_")
     if max(largest_sums(program).values()) >= 2 ** (f.ACCUMULATOR_WIDTH - 1):
         raise ValueError("a sum does not fit the accumulator")
-    missing = {n for n in (*TERMS, *PRODUCTS) if not n.startswith(spared)} - seen
+    missing = {n for n in (*TERMS, *PRODUCTS) if not n.startswith(spared)} - seen - plan.absent
     if missing:
         raise ValueError(f"no step computes {sorted(missing)}")
 
 
-def check_registers(run: str) -> None:
+def check_registers(run: str, plan: Plan = USUAL) -> None:
     """Check that a product has been read for the last time when another result takes its register.
 
     Parameters
     ----------
     run : str
         Key of REGISTERS.
+    plan : Plan
+        What the blocks run.
 
     Raises
     ------
@@ -544,42 +667,47 @@ def check_registers(run: str) -> None:
         Naming the result, where it and the product do not come from one block at one alignment, or
         where a step reads the product later.
     """
-    root = PROGRAMS["paper" if run == "paper" else "fast"]
-    after = SUCCESSOR if run == "successor" else ()
+    root = plan.programs["paper" if run == "paper" else "fast"]
+    after = plan.successor if run == "successor" else ()
     # what both programs compute is taken at the same bit of the accumulator, whichever are run
-    aligned = root if run == "paper" else (*root, *SUCCESSOR)
-    for result, product in REGISTERS[run].items():
-        owner = [b for b, block in enumerate(root) if any(s.result == result for s in block)]
-        before = [b for b, block in enumerate(root) if any(s.result == product for s in block)]
+    aligned = root if run == "paper" else (*root, *plan.successor)
+    for result, product in plan.registers[run].items():
+        owner = [b for b, block in enumerate(root) if any(s and s.result == result for s in block)]
+        before = [
+            b for b, block in enumerate(root) if any(s and s.result == product for s in block)
+        ]
         if owner != before or product not in PRODUCTS:
             raise ValueError(f"{result} and {product} are not of one block")
         if base_alignment(aligned, result) != base_alignment(aligned, product):
             raise ValueError(f"{result} and {product} have different alignments")
-        ends = max(i for i, step in enumerate(root[owner[0]]) if step.result == result)
-        read = [i for block in root for i, step in enumerate(block) if step.a == product]
+        ends = max(i for i, step in enumerate(root[owner[0]]) if step and step.result == result)
+        read = [i for block in root for i, step in enumerate(block) if step and step.a == product]
         steps = [step for block in after for step in block if step]
         later = [step for step in steps if product in (step.a, step.result)]
         if max(read) >= ends + RESULT_LATENCY or later:
             raise ValueError(f"{product} is read after {result} has taken its register")
 
 
-def largest_of_blocks(run: str) -> list[int]:
+def largest_of_blocks(run: str, plan: Plan = USUAL) -> list[int]:
     """Largest magnitude in the accumulator of each block, whatever the operands are.
 
     Parameters
     ----------
     run : str
         "paper", "fast", or "successor" for the fast variant's program and the successor's.
+    plan : Plan
+        What the blocks run.
 
     Returns
     -------
     list of int
         One per block, in units of the accumulator's LSB.
     """
-    root = PROGRAMS["paper" if run == "paper" else "fast"]
-    aligned = root if run == "paper" else (*root, *SUCCESSOR)
-    found = [0] * len(root)
-    for program in (root, SUCCESSOR) if run == "successor" else (root,):
+    root = plan.programs["paper" if run == "paper" else "fast"]
+    aligned = root if run == "paper" else (*root, *plan.successor)
+    # a block that always pauses holds one product, as each does
+    found = [2 ** (f.OPERAND_WIDTH + f.COEFFICIENT_WIDTH - 2)] * len(root)
+    for program in (root, plan.successor) if run == "successor" else (root,):
         for number, block in enumerate(program):
             before, total = "", 0
             for step in block:
@@ -639,8 +767,9 @@ def check_successor() -> None:
         raise ValueError("the successor's blocks differ in length")
 
 
-for _variant in PROGRAMS:
-    check_program(_variant)
+for _plan in (USUAL, *(plan_of(False, signs, n) for signs in (False, True) for n in (False, True))):
+    for _variant in _plan.programs:
+        check_program(_variant, _plan)
+    for _run in _plan.registers:
+        check_registers(_run, _plan)
 check_successor()
-for _run in REGISTERS:
-    check_registers(_run)

@@ -32,6 +32,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.anpc5l_leg.all;
   use work.directmpc_constants.all;
   use work.directmpc_math.all;
   use work.mpdcc_math.all;
@@ -442,10 +443,20 @@ begin
       end if;
 
       if (valid(FIRST_ROWS + 1) = '1') then
-        worse_late  <= worse(resize(excess_of(entry(2)), WORST_WIDTH), neutral_off);
-        worse_early <= worse(worse_pair, resize(current, WORST_WIDTH));
-        shortest    := shorter(short_pair, shorter(at_rest(length_of(entry(2)), rests_late(2), limits.horizon),
-                                                   at_rest(neutral_far, rests_late(3), limits.horizon)));
+        -- what the converter does not have is never the worst, nor the first to leave
+        if (HAS_CAPACITORS) then
+          worse_late  <= worse(resize(excess_of(entry(2)), WORST_WIDTH), neutral_off);
+          worse_early <= worse(worse_pair, resize(current, WORST_WIDTH));
+          shortest    := shorter(short_pair, shorter(at_rest(length_of(entry(2)), rests_late(2), limits.horizon),
+                                                     at_rest(neutral_far, rests_late(3), limits.horizon)));
+        elsif (HAS_NEUTRAL) then
+          worse_late  <= neutral_off;
+          worse_early <= resize(current, WORST_WIDTH);
+          shortest    := at_rest(neutral_far, rests_late(3), limits.horizon);
+        else
+          worse_early <= resize(current, WORST_WIDTH);
+          shortest    := limits.horizon;
+        end if;
 
         if (leaves = '1') then
           shortest := (others => '0');
@@ -455,7 +466,11 @@ begin
       end if;
 
       if (valid(FIRST_ROWS + 2) = '1') then
-        worst <= worse(worse_early, worse_late);
+        if (HAS_CAPACITORS or HAS_NEUTRAL) then
+          worst <= worse(worse_early, worse_late);
+        else
+          worst <= worse_early;
+        end if;
       end if;
     end if;
 

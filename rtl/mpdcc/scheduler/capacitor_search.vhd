@@ -15,6 +15,8 @@
 -- start; initiation interval of a node 18 clocks.
 -- Successors: the phases' lines without current and the neutral point without a phase do not move,
 -- so 13 lines remain, out 7 to 19 clocks after start; a node follows another after 16 clocks.
+-- Without phase capacitors their lines are left out: 8 for a root, 7 for a successor, the rows out 9 and 6 clocks earlier.
+-- Without a neutral point its lines are left out too.
 -- Rule inwards (INWARDS, chosen with limits.outside_inwards): a line that starts outside and moves inwards
 -- has the length up to the bound on the other side, instead of none. What BASE_WIDTH bits do not hold has none.
 -- Overflow: none; abs(slope) has no more bits than a bound.
@@ -55,15 +57,17 @@ end entity capacitor_search;
 
 architecture rtl of capacitor_search is
 
-  constant LINES : natural := ROOT_LINES + SUCCESSOR_LINES; -- of both; idle
+  constant CAPACITORS : natural := 3 * boolean'pos(HAS_CAPACITORS);
+  constant NEUTRALS   : natural := boolean'pos(HAS_NEUTRAL);
 
-  -- first line of each kind, see p_lines
-  constant OTHER_KINDS    : natural := 4;
-  constant LAST_KINDS     : natural := OTHER_KINDS + 3;
-  constant OTHER_PATTERNS : natural := LAST_KINDS + 3;
-  constant CHARGED        : natural := ROOT_LINES;
-  constant DISCHARGED     : natural := CHARGED + 3;
-  constant ALL_PATTERNS   : natural := DISCHARGED + 3;
+  -- first line of each kind, see p_which
+  constant OTHER_KINDS    : natural := CAPACITORS + NEUTRALS;
+  constant LAST_KINDS     : natural := OTHER_KINDS + CAPACITORS;
+  constant OTHER_PATTERNS : natural := LAST_KINDS + CAPACITORS;
+  constant CHARGED        : natural := OTHER_PATTERNS + 7 * NEUTRALS;
+  constant DISCHARGED     : natural := CHARGED + CAPACITORS;
+  constant ALL_PATTERNS   : natural := DISCHARGED + CAPACITORS;
+  constant LINES          : natural := ALL_PATTERNS + 7 * NEUTRALS; -- of root and successor; idle
 
   -- what is outside has more room than the band
   constant ROOM_WIDTH : natural := BOUND_WIDTH + choose(INWARDS, 1, 0);
@@ -200,13 +204,13 @@ begin
     if rising_edge(clk) then
       valid <= to_std_logic(line /= LINES) & valid(0 to CAPACITOR_STAGES - 1);
 
-      if (line = ROOT_LINES - 1) then
+      if (line = CHARGED - 1) then
         line <= LINES;
       elsif (line /= LINES) then
         line <= line + 1;
       end if;
 
-      if ((line >= OTHER_PATTERNS and line < ROOT_LINES) or line >= ALL_PATTERNS) then
+      if ((line >= OTHER_PATTERNS and line < CHARGED) or line >= ALL_PATTERNS) then
         flips <= flips + 1;
       else
         flips <= "001";
@@ -217,7 +221,7 @@ begin
         bank_now <= bank;
 
         if (successor = '1') then
-          line <= ROOT_LINES;
+          line <= CHARGED;
         end if;
       end if;
 
@@ -251,7 +255,7 @@ begin
       kind     := "00";
       first(0) <= to_std_logic(line < OTHER_KINDS);
 
-      if (line >= ROOT_LINES) then
+      if (line >= CHARGED) then
         pattern := std_logic_vector(flips);
       end if;
 
@@ -259,7 +263,7 @@ begin
         pattern := neutral_pattern(previous);
       end if;
 
-      for x in 0 to 2 loop
+      for x in 0 to CAPACITORS - 1 loop
         if (line = x or line = OTHER_KINDS + x or line = LAST_KINDS + x or line = CHARGED + x
             or line = DISCHARGED + x) then
           phase := x;
