@@ -107,6 +107,20 @@ architecture rtl of system_shell is
 
   subtype faults_t is std_logic_vector(FAULT_COUNT - 1 downto 0);
 
+  -- after a reset: every measurement trips
+  constant NO_SETTINGS : guard_registers_out_t := (
+    dead_time      => (clocks  => (value => (others => '0'))),
+    minimum_on     => (clocks  => (value => (others => '0'))),
+    minimum_off    => (clocks  => (value => (others => '0'))),
+    decision_limit => (clocks  => (value => (others => '0'))),
+    watchdog       => (clocks  => (value => (others => '0'))),
+    current_limit  => (value   => (value => (others => '0'))),
+    link_high      => (value   => (value => (others => '0'))),
+    link_low       => (value   => (value => (others => '0'))),
+    speed_limit    => (value   => (value => (others => '0'))),
+    frozen         => (periods => (value => (others => '0')))
+  );
+
   signal in_force     : guard_registers_out_t; -- settings of the guard
   signal bands_in_force : std_logic_vector(47 downto 0);
   signal hold         : std_logic;             -- a write waits
@@ -292,6 +306,12 @@ begin
       if (taking_over = '1') then
         in_force       <= settings;
         bands_in_force <= bands;
+      end if;
+
+      -- enable is refused until the first load
+      if (rst = '1') then
+        in_force       <= NO_SETTINGS;
+        bands_in_force <= (others => '0');
       end if;
     end if;
 

@@ -5,7 +5,8 @@
 --   shadows (guard and parameters) while a commit waits: they stay as they were when it was asked for. It waits, too,
 --   until its parameters are in force;
 --   the guard's limits and times while control.enable is set: they are locked;
---   control with enable set while the guard has settings that no commit has brought into force.
+--   control with enable set while a commit waits, or while the guard has settings that no commit has brought into
+--   force.
 -- So the guard's settings in force are those of its registers whenever the gates may be on. Every other write
 -- passes at any time: control, command, flags and faults never wait for a decision.
 --
@@ -61,7 +62,7 @@ begin
                 '0';
 
   hold   <= commit or asked(0) or asked(1);
-  refuse <= (of_shadows and pending) or (of_guard and enabled) or (enables and uncommitted) or not whole;
+  refuse <= (of_shadows and pending) or (of_guard and enabled) or (enables and (uncommitted or pending)) or not whole;
 
   p_settings : process (clk) is
   begin

@@ -91,8 +91,8 @@ The same goes on behind a reset.
   parameters are copied. Wait until it is 0, behind a reset, too;
 - a register of the guard, while `control.enable` is 1. Limits and times are locked while the gates
   may be on;
-- `control` with `enable` = 1, while a guard register holds a value that no commit has brought into
-  force.
+- `control` with `enable` = 1, while `status.commit_pending` is 1, or while a guard register holds a
+  value that no commit has brought into force.
 
 **Time of an access.** Every read and every write is answered within 12 clocks, whatever decision or
 commit is under way: 480 ns at 25 MHz, 120 ns at 100 MHz. So `control` = 0, the clearing of a fault

@@ -12,8 +12,8 @@ converted to Verilog, the netlist that is synthesised and simulated too. A modul
 
 A signal inside the entity is reached by a wire with an attribute:
 ``(* inside = "i_dut.state" *) wire [1:0] state;``. With ``when = "GENERIC"`` beside it the wire is
-zero where that generic is false. With ``words = "64"`` it is the memory of that name, word 0 in the
-lowest bits.
+zero where that generic is false or not there. With ``words = "64"`` it is the memory of that name,
+word 0 in the lowest bits.
 
 The proof is an induction over clocks, and holds for any number of them. No first state is assumed.
 Reset: in any state, one clock of ``rst`` leads to a state where every property and every fact
@@ -271,7 +271,7 @@ def _connections(text: str, generics: Generics) -> tuple[list[str], list[str]]:
                 part = f"{name}[{(i + 1) * size - 1}:{i * size}]"
                 memories.append(f"connect -nounset -set {part} {inside}[{i}]")
             continue
-        if when and not generics[when]:
+        if when and not generics.get(when):
             width = int(bits.split(":")[0]) + 1 if bits else 1
             inside = f"{width}'b{'0' * width}"
         signals.append(f"connect -nounset -set {name} {inside}")

@@ -30,8 +30,8 @@ from scripts.shared.tools import ROOT
 PAGE = ROOT / "docs" / "safety.md"
 #: Entities that keep the gates safe; all of their properties are promises.
 PROTECTION = {
-    "axi_lite_master", "decision_sequencer", "frame_receiver", "gate_guard", "read_gate",
-    "write_gate", "write_rules",
+    "axi_lite_master", "decision_sequencer", "frame_receiver", "gate_guard", "mpdcc_system",
+    "mptc_system", "read_gate", "write_gate", "write_rules",
 }  # fmt: skip
 WORDS = {"one": 1, "two": 2, "three": 3, "four": 4, "fourth": 4}
 VERDICTS = {

@@ -920,6 +920,9 @@ async def locks(system: System) -> None:
             board.check("disabled", number(dut.i_shell.enabled), 0)
         elif access == 2:
             board.check("not busy", await timed(bus.write_word(faults_at, 0x1FFF)), OKAY)
+        else:
+            response = await timed(bus.write_word(control, enable_word))
+            board.check("busy", response, SLVERR)
         shown = await timed(bus.read("system.status", "commit_pending"))
         board.check("pending", shown, 1, f"access {access}")
         await deciding
@@ -949,6 +952,8 @@ async def locks(system: System) -> None:
     board.check("not in force", await bus.read("system.status", "enabled"), 0)
     board.check("not in force", await bus.write_word(control, 2), OKAY)
     await bus.write("system.command", commit=1)
+    while await bus.read("system.status", "commit_pending"):
+        pass
     board.check("in force", await bus.write_word(control, enable_word), OKAY)
     board.check("in force", number(guard.watchdog), 1234)
     await bus.write_word(control, 0)

@@ -66,7 +66,7 @@ FAULTS = {
     "wrong port": ("mptc_system", "in_force.c_torque.value", "in_force.c_weight.value"),
     "open gate": ("write_rules", "(of_shadows and pending)", "(of_guard and pending)"),
     "open lock": ("write_rules", "(of_guard and enabled) or ", ""),
-    "hasty enable": ("write_rules", "(enables and uncommitted)", "(enables and pending)"),
+    "hasty enable": ("write_rules", "(uncommitted or pending)", "pending"),
     "wrong setting": (
         "system_shell",
         "=> in_force.minimum_off.clocks",

@@ -32,7 +32,8 @@ class Rules:
             return bool(given["enabled"] or given["pending"])
         if name.startswith("parameters."):
             return bool(given["pending"])
-        return bool(name == "system.control" and given["sets"] and self.uncommitted)
+        enables = name == "system.control" and given["sets"]
+        return bool(enables and (self.uncommitted or given["pending"]))
 
     def edge(self, given: Mapping[str, int]) -> None:
         """One clock."""
