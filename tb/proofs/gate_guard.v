@@ -26,7 +26,7 @@ module proof (
   localparam [1:0] OFF = 0, ARMED = 1, ACTIVE = 2;
   localparam [1:0] STOPPED = 0, STARTING = 1, RESTED = 2, ACTING = 3;
 
-  wire [12:0] violations;
+  wire [13:0] violations;
 
   gate_guard_checked i_checked (
     .clk(clk), .rst(rst), .enable(enable), .external_trip(external_trip), .clear(clear), .measured(measured),
@@ -57,6 +57,8 @@ module proof (
   (* inside = "i_checked.offered" *) wire [8:0] offered;
   (* inside = "i_checked.wanted" *) wire [8:0] accepted_last;
   (* inside = "i_checked.hungry" *) wire [16:0] hungry;
+  (* inside = "i_checked.awaited" *) wire awaited;
+  (* inside = "i_checked.due" *) wire [16:0] due;
   (* inside = "i_checked.beyond" *) wire [2:0] beyond;
   (* inside = "i_checked.astray" *) wire [2:0] astray;
   (* inside = "i_checked.limits" *) wire [47:0] limits;
@@ -74,6 +76,9 @@ module proof (
   (* inside = "i_checked.i_guard.i_supervisor.faulty" *) wire faulty;
   (* inside = "i_checked.i_guard.i_supervisor.i_starved.left" *) wire [15:0] starved_left;
   (* inside = "i_checked.i_guard.i_supervisor.i_starved.done" *) wire starved_done;
+  (* inside = "i_checked.i_guard.i_supervisor.expected" *) wire expected;
+  (* inside = "i_checked.i_guard.i_supervisor.i_late.left" *) wire [15:0] late_left;
+  (* inside = "i_checked.i_guard.i_supervisor.i_late.done" *) wire late_done;
 
   // the comparator
   (* inside = "i_checked.i_guard.i_comparator.valid_1" *) wire valid_1;
@@ -257,6 +262,7 @@ module proof (
   wire prove_a_stop_ends_in_time = !violations[10];
   wire prove_order_of_a_stop = !violations[11];
   wire prove_order_of_a_start = !violations[12];
+  wire prove_off_when_late = !violations[13];
 
 
   wire fact_known = known;
@@ -274,6 +280,9 @@ module proof (
   wire fact_since = state != ACTIVE || !was_on || since == 0;
   wire fact_floor = (floor <= dead && floor_on <= rest && floor_off <= rest);
   wire fact_starved = state != ACTIVE || (hungry == starved_left + 17'd2 && starved_done == (starved_left == 0));
+  wire fact_fresh = faulty || primed == fresh;
+  wire fact_expected = expected == awaited;
+  wire fact_late = !expected || state != ACTIVE || (due == late_left + 17'd1 && late_done == (late_left == 0));
   // 111 i_beta is the same in the comparator, by shifts, and in the properties, by a multiplication
   wire signed [24:0] beta = $signed(is_beta);
   wire signed [24:0] alpha = $signed(is_alpha);

@@ -31,5 +31,5 @@ async def every_property(dut) -> None:
         guard.clock(i)
         if n < 4:
             continue
-        board.check("violations", f"{number(dut.violations):013b}", "0" * 13, f"clock {n}, {i}")
+        board.check("violations", f"{number(dut.violations):014b}", "0" * 14, f"clock {n}, {i}")
     board.finish({"violations": given["clocks"] - 4})

@@ -78,7 +78,7 @@ entity gate_guard_checked is
     running        : out   std_logic;                     -- '1': gates follow decisions
     faults         : out   std_logic_vector(12 downto 0); -- latched
     goals          : out   std_logic_vector(8 downto 0);  -- positions accepted last, for a stimulus
-    violations     : out   std_logic_vector(12 downto 0)  -- '1': a property does not hold
+    violations     : out   std_logic_vector(13 downto 0)  -- '1': a property does not hold
   );
 end entity gate_guard_checked;
 
@@ -115,7 +115,10 @@ architecture rtl of gate_guard_checked is
   signal offered   : positions_t;      -- positions of the clock before
   signal wanted    : positions_t;      -- positions accepted last
   signal hungry    : unsigned(16 downto 0);
-  signal found     : std_logic_vector(12 downto 0);
+  signal wakeful   : std_logic;              -- starts are watched
+  signal awaited   : std_logic;              -- a decision has begun and is not there
+  signal due       : unsigned(16 downto 0);  -- clocks until it has to be
+  signal found     : std_logic_vector(13 downto 0);
 
   -- the pattern that may never be, told as in the document
   function shorts (s : std_logic_vector) return boolean is
@@ -320,6 +323,8 @@ begin
       faults         => latched
     );
 
+  wakeful <= not rst and enable and fresh and to_std_logic(latched = (latched'range => '0'));
+
   p_history : process (clk) is
 
     variable tripped : boolean;
@@ -435,12 +440,24 @@ begin
       elsif (hungry /= 0) then
         hungry <= hungry - 1;
       end if;
+
+      -- the same of the decision that follows a start, from the limit of that start on
+      if (start = '1' and wakeful = '1' and (decided = '1' or awaited = '0')) then
+        awaited <= '1';
+        due     <= resize(unsigned(decision_limit), 17) + 1;
+      else
+        awaited <= awaited and wakeful and not decided;
+
+        if (due /= 0) then
+          due <= due - 1;
+        end if;
+      end if;
     end if;
 
   end process p_history;
 
   p_properties : process (g, earlier, ages, now_on, was_on, latched, known, floor_dead, most_dead, floor_on, floor_off,
-                          must_stop, cut, since, fresh, whole, entered, hungry, vetted) is
+                          must_stop, cut, since, fresh, whole, entered, hungry, awaited, due, vetted) is
 
     variable leg      : std_logic_vector(SIZE - 1 downto 0);
     variable extended : std_logic_vector(SIZE - 1 downto 0);
@@ -567,6 +584,10 @@ begin
 
     if (now_on = '1' and hungry = 0) then
       found(8) <= '1';
+    end if;
+
+    if (now_on = '1' and awaited = '1' and due = 0) then
+      found(13) <= '1';
     end if;
 
     if (now_on = '1' and was_on = '0' and vetted = '0') then

@@ -49,6 +49,7 @@ SEEDED = {
     "legality": (True, "gate_guard", "legal(0) and legal(1) and legal(2)", "legal(0) and legal(1)"),
     "trip": (False, "gate_supervisor", "not wanted or any_event;", "not wanted;"),
     "watchdog": (False, "gate_supervisor", "clocks => watchdog,", 'clocks => x"FFFF",'),
+    "limit": (False, "gate_supervisor", "clocks => decision_limit,", 'clocks => x"FFFF",'),
     "unmeasured": (False, "gate_supervisor", "decided and compared and not renew;", "decided;"),
     "old measurement": (
         False,
