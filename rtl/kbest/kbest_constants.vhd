@@ -44,6 +44,54 @@ package kbest_constants is
   constant CHARGED_OF : by_position_t := (0, -1, 1, 0, 0, -1, 1, 0); -- c(s)
   constant COUNT_OF : by_position_t := (2, 2, 3, 3, 3, 3, 2, 2); -- neighbours
 
+  -- change of level by a move
+  constant LEVEL_STEP : by_neighbour_t := (
+    (1, 1, 1),
+    (-1, 1, 1),
+    (-1, 1, 1),
+    (-1, -1, 1),
+    (-1, 1, 1),
+    (-1, -1, 1),
+    (-1, 1, 1),
+    (-1, -1, -1)
+  );
+
+  -- of v_n in the phase voltage
+  constant NEUTRAL_STEP : by_neighbour_t := (
+    (0, 1, 1),
+    (0, 1, 1),
+    (-1, 0, 0),
+    (-1, 0, 0),
+    (0, 0, -1),
+    (0, 0, -1),
+    (1, 0, 0),
+    (1, 0, 0)
+  );
+
+  -- of v_ph in it
+  constant CAPACITOR_STEP : by_neighbour_t := (
+    (1, -1, -1),
+    (-1, -1, -1),
+    (1, 1, 1),
+    (1, -1, 1),
+    (-1, 1, -1),
+    (-1, -1, -1),
+    (1, 1, 1),
+    (1, -1, -1)
+  );
+
+  -- of n(s)
+  constant DRAWN_STEP : by_neighbour_t := (
+    (0, 1, 1),
+    (0, 1, 1),
+    (-1, 0, 0),
+    (-1, 0, 0),
+    (0, 0, -1),
+    (0, 0, -1),
+    (1, 0, 0),
+    (1, 0, 0)
+  );
+
   -- neighbours, ascending
   constant NEIGHBOUR_OF : by_neighbour_t := (
     (1, 2, 2),

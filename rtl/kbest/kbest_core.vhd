@@ -4,15 +4,16 @@
 -- stage to stage.  Give the measurements, the positions and the plan with a one-clock start; valid comes
 -- with the positions to apply and the plan for the next decision.
 --
--- The children of a stage's nodes stream through one pipeline, one a clock, into a sorted list.  Their
--- states lie in a memory with two halves: one is read as the nodes of this stage, the other one written
--- with those of the next.  The planned node of the next stage is known early; its children follow those
--- of the last node of this stage at once.
+-- The children of a stage's nodes stream through one pipeline, one a clock, into a list of the best.  Their
+-- states lie in a memory with two halves, under their numbers: one half is read as the nodes of this stage, the
+-- other one is written with those of the next.  The planned node of the next stage is known early; its children
+-- follow those of the last node of this stage at once.  Each node that is read leaves its code and the rank of
+-- its parent; the plan found is gathered from these behind the decision.
 --
 -- Formats: per unit with the scales at each port; parameters as directmpc.kbest.coefficients computes
 -- them from a drive file.
--- Latency: 1050 clocks at most with BEAM = 8 and STAGES = 12, 1075 with compensate.  One decision at a
--- time; the next start may come with valid.
+-- Latency: 1050 clocks at most with BEAM = 8 and STAGES = 12, 1075 with compensate.  busy falls
+-- STAGES + 2 clocks behind valid, when plan_next is there; the next start may come then.
 -- Overflow: saturates and sets saturated; nothing wraps.
 -- Licence: Apache-2.0
 
@@ -48,12 +49,12 @@ entity kbest_core is
     iref_beta  : in    std_logic_vector(15 downto 0); -- signed, 1/16000 pu
     omega_s    : in    std_logic_vector(15 downto 0); -- stator frequency, signed, 1/16000 pu
     omega_r    : in    std_logic_vector(15 downto 0); -- rotor speed, signed, 1/16000 pu
-    -- where the switches are, and the plan, sampled with start
+    -- where the switches are, sampled with start, and the plan, stable from start to valid
     s_prev_a : in    std_logic_vector(2 downto 0);              -- switch position s(k-1) of phase a, 0 to 7
     s_prev_b : in    std_logic_vector(2 downto 0);              -- switch position s(k-1) of phase b, 0 to 7
     s_prev_c : in    std_logic_vector(2 downto 0);              -- switch position s(k-1) of phase c, 0 to 7
     plan     : in    std_logic_vector(4 * STAGES - 1 downto 0); -- code of each stage, the first rightmost
-    odd      : in    std_logic;                                 -- '1': the period is an odd one
+    odd      : in    std_logic;                                 -- '1': the period is an odd one, sampled with start
     -- parameters from a drive file, stable from start to valid; coefficients signed
     c_angle     : in    std_logic_vector(FACTOR_WIDTH - 1 downto 0); -- angle of a step times sqrt(3), of omega_s
     c_decay_1   : in    std_logic_vector(FACTOR_WIDTH - 1 downto 0); -- 1 - a11 over one step
@@ -83,7 +84,7 @@ entity kbest_core is
     s_b       : out   std_logic_vector(2 downto 0);              -- switch position s(k) of phase b, 0 to 7
     s_c       : out   std_logic_vector(2 downto 0);              -- switch position s(k) of phase c, 0 to 7
     held      : out   std_logic;                                 -- '1': s(k-1) is kept
-    plan_next : out   std_logic_vector(4 * STAGES - 1 downto 0); -- plan for the next start
+    plan_next : out   std_logic_vector(4 * STAGES - 1 downto 0); -- plan for the next start, stable while busy is '0'
     odd_next  : out   std_logic;                                 -- '1': its period is an odd one
     cost      : out   std_logic_vector(COST_WIDTH - 1 downto 0); -- key of the plan found, unsigned, 1/15625 pu**2
     saturated : out   std_logic                                  -- '1': a value did not fit its word
@@ -92,17 +93,12 @@ end entity kbest_core;
 
 architecture rtl of kbest_core is
 
-  subtype path_t is std_logic_vector(4 * STAGES - 1 downto 0);
-
   subtype place_t is unsigned(5 downto 0);
 
-  constant WORD_WIDTH : natural := NODE_WIDTH + 4 * STAGES;
-  constant DELAY      : natural := 7; -- from a child's code to the child
+  constant WORD_WIDTH : natural := NODE_WIDTH + 12;
   constant LAST_PLACE : place_t := to_unsigned(STAGES, place_t'length);
 
-  type paths_t is array (1 to DELAY) of path_t;
-
-  type state_t is (IDLE, TERMS, SEARCH, BEST, SHOW);
+  type state_t is (IDLE, TERMS, SEARCH, BEST, SHOW, TRACE);
 
   signal coefficients : coefficients_t;
   signal settings     : settings_t;
@@ -110,8 +106,7 @@ architecture rtl of kbest_core is
   signal state     : state_t;
   signal begin_all : std_logic;
   signal positions : positions_t;
-  signal planned   : path_t;    -- codes of the plan, the next stage's rightmost
-  signal period    : std_logic; -- '1': an odd one
+  signal period    : std_logic;   -- '1': an odd one
   signal flagged   : std_logic;
 
   -- measurements as they came
@@ -133,8 +128,6 @@ architecture rtl of kbest_core is
   signal terms_new   : stage_t;
   signal terms_taken : std_logic;
   signal terms_clip  : std_logic;
-  signal terms_kept  : stage_t; -- of the stage whose nodes are prepared
-  signal terms_now   : stage_t;
 
   -- places are stages, counted from 1; place 0 is the stage in front of the first
   signal f_place    : place_t;              -- node that is read next
@@ -144,8 +137,10 @@ architecture rtl of kbest_core is
   signal read       : std_logic;
   signal g_valid    : std_logic;            -- '1': node_word is a node that waits
   signal g_place    : place_t;
+  signal g_rank     : unsigned(4 downto 0);
   signal g_first    : std_logic;            -- '1': the first of its stage
   signal node_word  : std_logic_vector(WORD_WIDTH - 1 downto 0);
+  signal node_cost  : std_logic_vector(COST_WIDTH - 1 downto 0);
   signal fetched    : node_t;
   signal prepare    : std_logic;
   signal preparing  : std_logic;            -- '1': a node is being prepared, or waits to be loaded
@@ -155,20 +150,27 @@ architecture rtl of kbest_core is
   signal prepared   : prepared_t;
   signal p_place    : place_t;
   signal p_first    : std_logic;
-  signal p_path     : path_t;
+  signal p_rank     : slot_t;
+  signal p_lead     : code_t;               -- first code of the node's plan
   signal load       : std_logic;
   signal load_alone : std_logic;
   signal load_plan  : std_logic;
   signal load_code  : code_t;
-  signal l_path     : path_t;
-  signal paths      : paths_t;
+  signal l_root     : std_logic;            -- '1': the node is the first stage's
+  signal l_rank     : slot_t;
+  signal l_lead     : code_t;
+  signal v_root     : std_logic;            -- the same, for the child that is on its way
+  signal v_rank     : slot_t;
+  signal v_lead     : code_t;
+  signal w_root     : std_logic;            -- the same, for the child whose state is there
+  signal w_rank     : slot_t;
+  signal w_lead     : code_t;
 
   -- the stage that is collected in the list
   signal c_place    : place_t;
   signal c_width    : unsigned(4 downto 0); -- its nodes
   signal c_loaded   : unsigned(4 downto 0); -- those that are loaded
   signal c_ahead    : std_logic;            -- '1': the first node of the next stage is loaded
-  signal c_order    : std_logic_vector(4 * BEAM - 1 downto 0);
   signal complete   : std_logic;
   signal warm_known : std_logic;            -- '1': the planned node of stage f_place is in the memory
   signal warm_slot  : slot_t;
@@ -176,47 +178,56 @@ architecture rtl of kbest_core is
   -- children
   signal busy_children : std_logic;
   signal pending       : std_logic_vector(1 downto 0);
+  signal state_valid   : std_logic;
+  signal child_state   : node_t;
+  signal state_code    : code_t;
+  signal state_number  : number_t;
+  signal state_parity  : std_logic;
   signal child_valid   : std_logic;
-  signal child         : node_t;
+  signal child_cost    : cost_t;
   signal child_places  : std_logic_vector(8 downto 0);
   signal child_key     : cost_t;
-  signal child_code    : code_t;
+  signal child_number  : number_t;
   signal child_planned : std_logic;
   signal child_first   : std_logic;
   signal child_parity  : std_logic;
   signal child_clip    : std_logic;
 
-  -- list and memory
+  -- list and memories
   signal accepted      : std_logic;
   signal slot          : slot_t;
   signal least         : cost_t;
-  signal order         : std_logic_vector(4 * BEAM - 1 downto 0);
-  signal used          : std_logic_vector(BEAM - 1 downto 0);
+  signal used          : unsigned(4 downto 0);
+  signal ranked        : slot_t;
+  signal rank          : unsigned(4 downto 0);
+  signal kept          : std_logic;
   signal write_first   : std_logic;
   signal write         : std_logic;
-  signal write_address : std_logic_vector(4 downto 0);
+  signal write_address : std_logic_vector(8 downto 0);
   signal write_word    : std_logic_vector(WORD_WIDTH - 1 downto 0);
-  signal read_address  : std_logic_vector(4 downto 0);
+  signal cost_write    : std_logic;
+  signal cost_address  : std_logic_vector(8 downto 0);
+  signal cost_word     : std_logic_vector(COST_WIDTH - 1 downto 0);
+  signal name_write    : std_logic;
+  signal name_address  : std_logic_vector(4 downto 0);
+  signal name_word     : std_logic_vector(7 downto 0);
+  signal name_read     : std_logic_vector(4 downto 0);
+  signal name          : std_logic_vector(7 downto 0);
+  signal read_address  : std_logic_vector(8 downto 0);
   signal first_node    : node_t;
 
-  -- how many entries are in use
-  function count (bits : std_logic_vector) return unsigned is
-
-    variable result : unsigned(4 downto 0);
-
-  begin
-
-    result := (others => '0');
-
-    for i in bits'range loop
-      if (bits(i) = '1') then
-        result := result + 1;
-      end if;
-    end loop;
-
-    return result;
-
-  end function count;
+  -- the plan found
+  signal t_place   : place_t;               -- stage whose code comes next
+  signal t_first   : std_logic;             -- '1': it is the last one, whose child is in node_word
+  signal t_zero    : std_logic;             -- '1': the code that no stage has is in the plan
+  signal t_read    : std_logic;
+  signal t_address : std_logic_vector(8 downto 0);
+  signal t_word    : std_logic_vector(7 downto 0);
+  signal t_code    : code_t;
+  signal t_parent  : slot_t;
+  signal t_skip    : std_logic;             -- '1': that code comes now
+  signal trail     : std_logic_vector(4 * STAGES - 1 downto 0);
+  signal trace_at  : std_logic_vector(8 downto 0);
 
 begin
 
@@ -280,24 +291,33 @@ begin
   -- the next node: the planned one as soon as it is there, the others when the list is whole
   f_known <= '0' when state /= SEARCH else
              warm_known when f_at = 0 else
-             used(1 mod BEAM) when complete = '1' and f_at = 1 and f_place = c_place + 1 and BEAM > 1 else
+             to_std_logic(used > 1) when complete = '1' and f_at = 1 and f_place = c_place + 1 else
              '1' when f_place = c_place and f_at < c_width else
              '0';
   -- the second node is read in the clock in which the list is whole
-  f_slot  <= warm_slot when f_at = 0 else
-             unsigned(order(4 * (1 mod BEAM) + 3 downto 4 * (1 mod BEAM))) when complete = '1' else
-             unsigned(selected(c_order, std_logic_vector(f_at), 4));
+  rank    <= (others => '0') when state = BEST else
+             f_at;
+  kept    <= '0' when state = BEST or complete = '1' else
+             '1';
+  f_slot  <= warm_slot when f_at = 0 and state = SEARCH else
+             ranked;
   read    <= '1' when state = BEST or (f_known = '1' and g_valid = '0') else
              '0';
 
-  read_address <= LAST_PLACE(0) & order(3 downto 0) when state = BEST else
+  name_read    <= LAST_PLACE(0) & std_logic_vector(f_slot) when state = BEST else
                   not f_place(0) & std_logic_vector(f_slot);
+  read_address <= name_read(4) & name;
 
-  fetched   <= to_node(node_word(WORD_WIDTH - 1 downto 4 * STAGES));
-  prepare   <= '1' when g_valid = '1' and (preparing = '0' or load = '1') and (g_first = '0' or terms_ready = '1') else
-               '0';
-  terms_now <= terms_new when g_first = '1' else
-               terms_kept;
+  p_fetched : process (node_word, node_cost) is
+  begin
+
+    fetched      <= to_node(node_word(WORD_WIDTH - 1 downto 12));
+    fetched.cost <= unsigned(node_cost);
+
+  end process p_fetched;
+
+  prepare <= '1' when g_valid = '1' and preparing = '0' and (g_first = '0' or terms_ready = '1') else
+             '0';
 
   terms_taken <= '1' when prepare = '1' and g_first = '1' and g_place /= LAST_PLACE else
                  '0';
@@ -308,7 +328,8 @@ begin
       rst       => rst,
       start     => prepare,
       node      => fetched,
-      stage     => terms_now,
+      fresh     => g_first,
+      stage     => terms_new,
       settings  => settings,
       done      => node_done,
       prepared  => prepared,
@@ -321,7 +342,7 @@ begin
   load_plan  <= '1' when p_first = '1' and p_place /= LAST_PLACE else
                 '0';
   load_code  <= "0000" when p_place = 0 else
-                unsigned(planned(3 downto 0));
+                unsigned(selected(plan, std_logic_vector(p_place - 1), 4));
 
   children : entity work.kbest_children
     port map (
@@ -336,19 +357,22 @@ begin
       parity        => p_place(0),
       settings      => settings,
       busy          => busy_children,
-      pending       => pending,
+      state_valid   => state_valid,
+      state         => child_state,
+      state_code    => state_code,
+      state_number  => state_number,
+      state_parity  => state_parity,
       child_valid   => child_valid,
-      child         => child,
+      child_cost    => child_cost,
+      child_places  => child_places,
       child_key     => child_key,
-      child_code    => child_code,
+      child_number  => child_number,
       child_planned => child_planned,
       child_first   => child_first,
       child_parity  => child_parity,
+      pending       => pending,
       saturated     => child_clip
     );
-
-  child_places <= std_logic_vector(child.positions(0)) & std_logic_vector(child.positions(1))
-                  & std_logic_vector(child.positions(2));
 
   list : entity work.kbest_list
     generic map (
@@ -365,19 +389,25 @@ begin
       accepted  => accepted,
       slot      => slot,
       least     => least,
-      order     => order,
-      used      => used
+      used      => used,
+      hold      => complete,
+      rank      => rank,
+      kept      => kept,
+      ranked    => ranked
     );
 
-  write         <= write_first or accepted;
-  write_address <= not c_place(0) & "0000" when write_first = '1' else
-                   child_parity & std_logic_vector(slot);
-  write_word    <= to_word(first_node) & (path_t'range => '0') when write_first = '1' else
-                   to_word(child) & std_logic_vector(child_code) & paths(DELAY)(4 * STAGES - 1 downto 4);
+  write         <= write_first or state_valid;
+  write_address <= not c_place(0) & x"00" when write_first = '1' else
+                   state_parity & std_logic_vector(state_number);
+  write_word    <= to_word(first_node) & x"000" when write_first = '1' else
+                   to_word(child_state) & std_logic_vector(state_code) & std_logic_vector(w_rank)
+                   & std_logic_vector(state_code) when w_root = '1' else
+                   to_word(child_state) & std_logic_vector(state_code) & std_logic_vector(w_rank)
+                   & std_logic_vector(w_lead);
 
   memory : entity work.ram
     generic map (
-      ADDRESS_WIDTH => 5,
+      ADDRESS_WIDTH => 9,
       WIDTH         => WORD_WIDTH,
       LATENCY       => 1,
       STYLE         => "block"
@@ -392,6 +422,82 @@ begin
       read_word     => node_word
     );
 
+  cost_write   <= write_first or child_valid;
+  cost_address <= not c_place(0) & x"00" when write_first = '1' else
+                  child_parity & std_logic_vector(child_number);
+  cost_word    <= (others => '0') when write_first = '1' else
+                  std_logic_vector(child_cost);
+
+  costs : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 9,
+      WIDTH         => COST_WIDTH,
+      LATENCY       => 1,
+      STYLE         => "block"
+    )
+    port map (
+      clk           => clk,
+      write         => cost_write,
+      write_address => cost_address,
+      write_word    => cost_word,
+      read          => read,
+      read_address  => read_address,
+      read_word     => node_cost
+    );
+
+  -- numbers of the children in the slots
+  name_write   <= write_first or accepted;
+  name_address <= not c_place(0) & x"0" when write_first = '1' else
+                  child_parity & std_logic_vector(slot);
+  name_word    <= (others => '0') when write_first = '1' else
+                  std_logic_vector(child_number);
+
+  names : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 5,
+      WIDTH         => 8,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => name_write,
+      write_address => name_address,
+      write_word    => name_word,
+      read          => '1',
+      read_address  => name_read,
+      read_word     => name
+    );
+
+  -- code of each node and rank of its parent
+  trace_at  <= std_logic_vector(g_place(4 downto 0)) & std_logic_vector(g_rank(3 downto 0));
+  t_code    <= unsigned(node_word(11 downto 8)) when t_first = '1' else
+               unsigned(t_word(7 downto 4));
+  t_parent  <= unsigned(node_word(7 downto 4)) when t_first = '1' else
+               unsigned(t_word(3 downto 0));
+  t_skip    <= '1' when t_zero = '0' and (period = '0' or t_place = unsigned(short_stages)) else
+               '0';
+  t_read    <= '1' when state = TRACE and t_skip = '0' else
+               '0';
+  t_address <= std_logic_vector(t_place(4 downto 0)) & std_logic_vector(t_parent);
+
+  traces : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 9,
+      WIDTH         => 8,
+      LATENCY       => 1,
+      STYLE         => "block"
+    )
+    port map (
+      clk           => clk,
+      write         => prepare,
+      write_address => trace_at,
+      write_word    => node_word(11 downto 4),
+      read          => t_read,
+      read_address  => t_address,
+      read_word     => t_word
+    );
+
   -- all nodes of the collected stage are loaded, and none of its children is under way
   complete <= '1' when state = SEARCH and c_loaded = c_width
                        and ((c_place(0) = '1' and pending(1) = '0') or (c_place(0) = '0' and pending(0) = '0')) else
@@ -400,7 +506,6 @@ begin
   p_search : process (clk) is
 
     variable wide : signed(17 downto 0);
-    variable path : path_t;
     variable code : natural range 0 to 15;
     variable move : positions_t;
 
@@ -413,7 +518,13 @@ begin
         flagged <= '1';
       end if;
 
-      paths <= l_path & paths(1 to DELAY - 1);
+      -- what a node gives to its children, to their states' clock
+      v_root <= l_root;
+      v_rank <= l_rank;
+      v_lead <= l_lead;
+      w_root <= v_root;
+      w_rank <= v_rank;
+      w_lead <= v_lead;
 
       -- reading and preparing nodes
       if (node_done = '1') then
@@ -423,11 +534,9 @@ begin
       if (load = '1') then
         preparing <= '0';
         node_up   <= '0';
-        l_path    <= p_path;
-
-        if (p_place /= 0 and p_first = '1') then
-          planned <= "0000" & planned(4 * STAGES - 1 downto 4);
-        end if;
+        l_root    <= to_std_logic(p_place = 1);
+        l_rank    <= p_rank;
+        l_lead    <= p_lead;
 
         if (p_place = c_place) then
           c_loaded <= c_loaded + 1;
@@ -441,16 +550,14 @@ begin
         preparing <= '1';
         p_place   <= g_place;
         p_first   <= g_first;
-        p_path    <= node_word(4 * STAGES - 1 downto 0);
-
-        if (g_first = '1') then
-          terms_kept <= terms_new;
-        end if;
+        p_rank    <= g_rank(3 downto 0);
+        p_lead    <= unsigned(node_word(3 downto 0));
       end if;
 
       if (state = SEARCH and f_known = '1' and g_valid = '0') then
         g_valid <= '1';
         g_place <= f_place;
+        g_rank  <= f_at;
         g_first <= '0';
         f_at    <= f_at + 1;
 
@@ -484,7 +591,6 @@ begin
             m_omega_s     <= signed(omega_s);
             m_omega_r     <= signed(omega_r);
             positions     <= (unsigned(s_prev_a), unsigned(s_prev_b), unsigned(s_prev_c));
-            planned       <= plan;
             period        <= odd;
             flagged       <= '0';
             wide          := signed('0' & v_ph_a & '0') - signed(resize(unsigned(v_dc), wide'length));
@@ -522,8 +628,7 @@ begin
               state <= BEST;
             else
               c_place  <= c_place + 1;
-              c_width  <= count(used);
-              c_order  <= order;
+              c_width  <= used;
               c_ahead  <= '0';
               c_loaded <= (others => '0');
 
@@ -538,13 +643,11 @@ begin
           state <= SHOW;
 
         when SHOW =>
-          state     <= IDLE;
+          state     <= TRACE;
           valid     <= '1';
           saturated <= flagged;
-          odd_next  <= not period;
           cost      <= std_logic_vector(least);
-          path      := node_word(4 * STAGES - 1 downto 0);
-          code      := to_integer(unsigned(path(3 downto 0)));
+          code      := to_integer(unsigned(node_word(3 downto 0)));
           move      := positions;
           held      <= '0';
 
@@ -564,19 +667,25 @@ begin
 
           end case;
 
-          s_a       <= std_logic_vector(move(0));
-          s_b       <= std_logic_vector(move(1));
-          s_c       <= std_logic_vector(move(2));
-          plan_next <= "0000" & path(4 * STAGES - 1 downto 4);
+          s_a     <= std_logic_vector(move(0));
+          s_b     <= std_logic_vector(move(1));
+          s_c     <= std_logic_vector(move(2));
+          t_place <= LAST_PLACE;
+          t_first <= '1';
+          t_zero  <= '0';
 
-          if (period = '1') then
-            for j in 0 to STAGES - 1 loop
-              if (j + 1 = to_integer(unsigned(short_stages))) then
-                plan_next(4 * j + 3 downto 4 * j) <= "0000";
-              elsif (j >= to_integer(unsigned(short_stages))) then
-                plan_next(4 * j + 3 downto 4 * j) <= path(4 * j + 3 downto 4 * j);
-              end if;
-            end loop;
+        when TRACE =>
+          -- from the last stage to the first, whose code is the decision
+          if (t_skip = '1') then
+            t_zero <= '1';
+            trail  <= trail(4 * STAGES - 5 downto 0) & "0000";
+          elsif (t_place = 1) then
+            state    <= IDLE;
+            odd_next <= not period;
+          else
+            t_first <= '0';
+            t_place <= t_place - 1;
+            trail   <= trail(4 * STAGES - 5 downto 0) & std_logic_vector(t_code);
           end if;
 
       end case;
@@ -592,7 +701,8 @@ begin
 
   end process p_search;
 
-  busy <= '0' when state = IDLE else
-          '1';
+  busy      <= '0' when state = IDLE else
+               '1';
+  plan_next <= trail;
 
 end architecture rtl;

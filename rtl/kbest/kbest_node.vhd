@@ -22,7 +22,8 @@ entity kbest_node is
     rst       : in    std_logic;  -- synchronous, active high
     start     : in    std_logic;  -- '1' for one clock: node and stage are given
     node      : in    node_t;     -- the node, sampled with start
-    stage     : in    stage_t;    -- terms of its stage, sampled with start
+    fresh     : in    std_logic;  -- '1': with start: the node is the first of its stage
+    stage     : in    stage_t;    -- terms of its stage, sampled with start and fresh
     settings  : in    settings_t; -- stable
     done      : out   std_logic;  -- '1' for one clock: prepared is new
     prepared  : out   prepared_t; -- the node with what its children share
@@ -36,17 +37,16 @@ architecture rtl of kbest_node is
 
   type factors_t is array (0 to 2) of factor_t;
 
-  subtype wide_t is signed(ERROR_WIDTH + 3 downto 0);
-
   signal found    : prepared_t;
   signal steps    : std_logic_vector(0 to 7);
-  signal sum_u    : wide_t;
-  signal sum_w    : wide_t;
+  signal change   : change_t;     -- of the error by the voltage of a phase
+  signal base_u   : wide_error_t; -- error with drift and decay
+  signal base_w   : wide_error_t;
+  signal sum_u    : wide_error_t; -- of the voltages
+  signal sum_w    : wide_error_t;
   signal a        : factors_t;
   signal b        : factors_t;
   signal products : products_t;
-  signal decay_u  : error_t;
-  signal decay_w  : error_t;
   signal clipped  : std_logic;
 
   -- product as a change of an error
@@ -74,8 +74,10 @@ begin
 
     variable wide  : signed(VOLTAGE_WIDTH downto 0);
     variable drawn : signed(VOLTAGE_WIDTH + 2 downto 0);
-    variable base  : wide_t;
+    variable terms : stage_t;
     variable flags : std_logic;
+    variable cost  : wide_cost_t;
+    variable more  : ahead_cost_t;
 
   begin
 
@@ -88,17 +90,24 @@ begin
       end loop;
 
       if (start = '1') then
-        found.node  <= node;
-        found.stage <= stage;
+        found.node <= node;
+        terms      := found.stage;
+
+        if (fresh = '1') then
+          terms := stage;
+        end if;
+
+        found.stage <= terms;
         flags       := '0';
         drawn       := resize(node.v_n, drawn'length);
 
         for x in 0 to 2 loop
           wide       := resize(node.d(x), wide'length)
-                        + resize(times(stage.phase(x), CHARGED_OF(to_integer(node.positions(x)))), wide'length);
+                        + resize(times(terms.phase(x), CHARGED_OF(to_integer(node.positions(x)))), wide'length);
           found.d(x) <= clip(wide, VOLTAGE_WIDTH);
           flags      := flags or overflows(wide, VOLTAGE_WIDTH);
-          drawn      := drawn - resize(times(stage.neutral(x), DRAWN_OF(to_integer(node.positions(x)))), drawn'length);
+          drawn      := drawn
+                        - resize(times(terms.neutral(x), DRAWN_OF(to_integer(node.positions(x)))), drawn'length);
         end loop;
 
         found.drawn <= drawn;
@@ -117,10 +126,10 @@ begin
       elsif (steps(1) = '1') then
         a(0) <= resize(found.node.d(2), FACTOR_WIDTH);
       elsif (steps(2) = '1') then
-        a(0) <= resize(shift_right(found.node.u, SQUARED_SHIFT), FACTOR_WIDTH);
+        a(0) <= resize(shift_right(found.node.w, SQUARED_SHIFT), FACTOR_WIDTH);
         b(0) <= found.stage.decay;
       else
-        a(0) <= resize(shift_right(found.node.w, SQUARED_SHIFT), FACTOR_WIDTH);
+        a(0) <= resize(shift_right(found.node.u, SQUARED_SHIFT), FACTOR_WIDTH);
       end if;
 
       for x in 0 to 2 loop
@@ -144,34 +153,47 @@ begin
         found.on_phase(2) <= effect(products(0));
       end if;
 
+      cost := cost_of(unsigned(products(1)(2 * EXCESS_WIDTH - 1 downto 0)), EXCESS_SHIFT, settings.weight_phase,
+                      found.stage.long);
+      more := resize(shift_right(unsigned(products(2)(2 * AHEAD_WIDTH - 1 downto 0)), CAPACITOR_AHEAD_SHIFT),
+                     ahead_cost_t'length);
+
       for x in 0 to 2 loop
         if (steps(x + 3) = '1') then
-          found.costs(x)  <= cost_of(unsigned(products(1)(2 * EXCESS_WIDTH - 1 downto 0)), EXCESS_SHIFT, settings.weight_phase,
-                                     found.stage.long);
-          found.aheads(x) <= resize(shift_right(unsigned(products(2)), CAPACITOR_AHEAD_SHIFT), ahead_cost_t'length);
+          found.costs(x)  <= cost;
+          found.aheads(x) <= more;
+        end if;
+      end loop;
+
+      if (steps(3) = '1') then
+        found.total <= found.node.cost + cost;
+        found.ahead <= more;
+      elsif (steps(4) = '1' or steps(5) = '1') then
+        found.total <= found.total + cost;
+        found.ahead <= found.ahead + more;
+      end if;
+
+      -- effects of the phases, one after the other
+      for x in 0 to 2 loop
+        if (steps(x + 3) = '1') then
+          change <= change_of(found.node.positions(x), found.stage.level, found.on_neutral, found.on_phase(x));
         end if;
       end loop;
 
       if (steps(4) = '1') then
-        for x in 0 to 2 loop
-          found.change(x) <= change_of(found.node.positions(x), found.stage.level, found.on_neutral, found.on_phase(x));
-        end loop;
-
-        decay_u <= decay_of(products(0));
-        sum_u   <= resize(found.node.u, sum_u'length) + found.stage.drift_u;
-        sum_w   <= resize(found.node.w, sum_w'length) + found.stage.drift_w;
+        base_w <= resize(found.node.w, base_w'length) + found.stage.drift_w - decay_of(products(0));
+        sum_u  <= -shift_left(resize(change, sum_u'length), 1);
       end if;
 
       if (steps(5) = '1') then
-        decay_w <= decay_of(products(0));
-        base    := found.change(1) - resize(found.change(0), base'length) - found.change(0);
-        sum_u   <= sum_u + base + found.change(2);
-        sum_w   <= sum_w - found.change(1) + found.change(2);
+        base_u <= resize(found.node.u, base_u'length) + found.stage.drift_u - decay_of(products(0));
+        sum_u  <= sum_u + change;
+        sum_w  <= base_w - change;
       end if;
 
       if (steps(6) = '1') then
-        found.keep_u <= sum_u - decay_u;
-        found.keep_w <= sum_w - decay_w;
+        found.keep_u <= base_u + sum_u + change;
+        found.keep_w <= sum_w + change;
         saturated    <= clipped;
       end if;
 

@@ -30,13 +30,17 @@ package kbest_types is
 
   subtype slot_t is unsigned(3 downto 0);
 
+  -- number of a child in its stage
+
+  subtype number_t is unsigned(7 downto 0);
+
   -- sums of costs, not limited yet
 
-  subtype wide_cost_t is unsigned(30 downto 0);
+  subtype wide_cost_t is unsigned(COST_WIDTH + 3 downto 0);
 
-  -- what a key adds for v_ph
+  -- what a key adds
 
-  subtype ahead_cost_t is unsigned(19 downto 0);
+  subtype ahead_cost_t is unsigned(COST_WIDTH - 1 downto 0);
 
   type aheads_t is array (0 to 2) of ahead_cost_t;
 
@@ -99,7 +103,7 @@ package kbest_types is
     positions : positions_t;
   end record node_t;
 
-  constant NODE_WIDTH : natural := 2 * ERROR_WIDTH + 4 * VOLTAGE_WIDTH + COST_WIDTH + 9;
+  constant NODE_WIDTH : natural := 2 * ERROR_WIDTH + 4 * VOLTAGE_WIDTH + 9; -- without J
 
   constant NODE_INIT : node_t := (
     (others => '0'), (others => '0'), (others => '0'), (others => (others => '0')), (others => '0'),
@@ -114,7 +118,7 @@ package kbest_types is
 
   subtype change_t is signed(ERROR_WIDTH downto 0);
 
-  type changes_t is array (0 to 2) of change_t;
+  subtype wide_error_t is signed(ERROR_WIDTH + 3 downto 0);
 
   type wide_costs_t is array (0 to 2) of wide_cost_t;
 
@@ -122,22 +126,17 @@ package kbest_types is
   type prepared_t is record
     node       : node_t;
     stage      : stage_t;
-    keep_u     : signed(ERROR_WIDTH + 3 downto 0); -- error of the child that keeps, not limited yet
-    keep_w     : signed(ERROR_WIDTH + 3 downto 0);
+    keep_u     : wide_error_t; -- error of the child that keeps, not limited yet
+    keep_w     : wide_error_t;
     on_neutral : error_t;      -- change of the error by v_n
     on_phase   : errors_t;     -- by v_ph - v_dc/4
-    change     : changes_t;    -- by the voltage of each phase at its position
     drawn      : signed(VOLTAGE_WIDTH + 2 downto 0); -- v_n of the child that keeps, not limited yet
     d          : voltages_t;   -- v_ph - v_dc/4 of that child
-    costs      : wide_costs_t; -- cost of v_ph's excess of that child, each phase
-    aheads     : aheads_t;     -- what the key adds for v_ph, each phase
+    total      : wide_cost_t;  -- J and the cost of v_ph's excess of that child
+    ahead      : ahead_cost_t; -- what the key adds for v_ph
+    costs      : wide_costs_t; -- shares of the phases in total
+    aheads     : aheads_t;     -- and in ahead
   end record prepared_t;
-
-  constant PREPARED_INIT : prepared_t := (
-    NODE_INIT, STAGE_INIT, (others => '0'), (others => '0'), (others => '0'), (others => (others => '0')),
-    (others => (others => '0')), (others => '0'), (others => (others => '0')),
-    (others => (others => '0')), (others => (others => '0'))
-  );
 
   -- value times -2 to 2
   function times (value : signed; factor : integer) return signed;
@@ -163,7 +162,7 @@ package body kbest_types is
 
     return std_logic_vector(node.u) & std_logic_vector(node.w) & std_logic_vector(node.v_n)
            & std_logic_vector(node.d(0)) & std_logic_vector(node.d(1)) & std_logic_vector(node.d(2))
-           & std_logic_vector(node.cost) & std_logic_vector(node.positions(0))
+           & std_logic_vector(node.positions(0))
            & std_logic_vector(node.positions(1)) & std_logic_vector(node.positions(2));
 
   end function to_word;
@@ -182,9 +181,8 @@ package body kbest_types is
       node.positions(x) := unsigned(rest((2 - x) * 3 + 2 downto (2 - x) * 3));
     end loop;
 
+    node.cost := (others => '0');
     at        := 9;
-    node.cost := unsigned(rest(at + COST_WIDTH - 1 downto at));
-    at        := at + COST_WIDTH;
 
     for x in 2 downto 0 loop
       node.d(x) := signed(rest(at + VOLTAGE_WIDTH - 1 downto at));
@@ -286,8 +284,7 @@ package body kbest_types is
 
   function cost_of (square : unsigned; shift : natural; weight : unsigned; long : std_logic) return wide_cost_t is
 
-    variable wide   : unsigned(square'length + 11 downto 0);
-    variable result : wide_cost_t;
+    variable wide : unsigned(square'length + 11 downto 0);
 
   begin
 
@@ -298,16 +295,7 @@ package body kbest_types is
       wide := shift_left(wide, 1);
     end if;
 
-    wide := shift_right(wide, shift);
-
-    -- beyond any cost, and small enough for sums of them
-    if (wide >= 2 ** (COST_WIDTH + 1)) then
-      result := to_unsigned(2 ** (COST_WIDTH + 1) - 1, result'length);
-    else
-      result := resize(wide, result'length);
-    end if;
-
-    return result;
+    return resize(shift_right(wide, shift), wide_cost_t'length);
 
   end function cost_of;
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from directmpc.kbest import bit_true
 from directmpc.kbest import formats as f
 from scripts.shared import tools
@@ -82,7 +85,15 @@ def text() -> str:
         ]
         for sign in range(2)
     ]
+
+    def steps(table: NDArray[np.int64]) -> list[list[int]]:
+        return [[int(table[to] - table[s]) for to in row] for s, row in enumerate(t.neighbours)]
+
     for name, rows, said in (
+        ("LEVEL_STEP", steps(t.level), "change of level by a move"),
+        ("NEUTRAL_STEP", steps(t.neutral), "of v_n in the phase voltage"),
+        ("CAPACITOR_STEP", steps(t.capacitor), "of v_ph in it"),
+        ("DRAWN_STEP", steps(t.neutral_current), "of n(s)"),
         ("NEIGHBOUR_OF", t.neighbours.tolist(), "neighbours, ascending"),
         ("EFFORT_FORWARDS", efforts[0], "turn-ons of a move, current not negative"),
         ("EFFORT_BACKWARDS", efforts[1], "turn-ons of a move, current negative"),

@@ -61,13 +61,18 @@ async def decisions(dut) -> None:
                 getattr(dut, name).value = rng.getrandbits(16)
             for phase in "abc":
                 getattr(dut, f"s_prev_{phase}").value = rng.getrandbits(3)
-            dut.plan.value = rng.getrandbits(4 * stages)
             dut.odd.value = rng.getrandbits(1)
             if number(dut.valid):
                 break
             assert cycles < 8000, f"row {n}: no decision"
             await clock.tick()
         dut.start.value = 0
+        dut.plan.value = rng.getrandbits(4 * stages)
+        following = 0
+        while number(dut.busy):
+            following += 1
+            assert following < stages + 3, f"row {n}: no plan"
+            await clock.tick()
         got = [number(getattr(dut, name)) for name in ("s_a", "s_b", "s_c", "held", "saturated")]
         following = number(dut.plan_next)
         got += [following >> (4 * j) & 15 for j in range(stages)] + [

@@ -132,13 +132,15 @@ def test_a_reset_leaves_nothing_behind(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("unit", "old", "new"),
     [
-        ("kbest_list", "not (key < now(i).key)", "not (key <= now(i).key)"),
-        ("kbest_list", "two  := two or (seen and same(i));", "two  := '0';"),
+        ("kbest_list", "key >= keys(i)", "key > keys(i)"),
+        ("kbest_list", "crowded := crowded or (alike(i) and second(i));", "crowded := '0';"),
+        ("kbest_list", "second(i) <= '0';", "second(i) <= '1';"),
         ("kbest_terms", "charge := shift_left(charge, 1);", "charge := shift_left(charge, 0);"),
-        ("kbest_node", "found.keep_w <= sum_w - decay_w;", "found.keep_w <= sum_w;"),
+        ("kbest_node", "found.keep_w <= sum_w + change;", "found.keep_w <= sum_w - change;"),
         ("kbest_children", "if (m < count(", "if (m <= count("),
-        ("kbest_children", "drawn := drawn + node_1", "drawn := drawn - node_1"),
-        ("kbest_core", "if (period = '1') then", "if (period = '0') then"),
+        ("kbest_children", "DRAWN_STEP(s, index_1) < 0", "DRAWN_STEP(s, index_1) > 0"),
+        ("kbest_core", "t_zero = '0' and (period = '0'", "t_zero = '0' and (period = '1'"),
+        ("kbest_core", "w_rank <= v_rank;", "w_rank <= l_rank;"),
         ("kbest_types", "wide := shift_left(wide, steps - 1);", "wide := shift_left(wide, steps);"),
     ],
 )
