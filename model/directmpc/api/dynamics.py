@@ -119,20 +119,22 @@ class FieldOrientation:
     ----------
     profile : Profile
         Filled step by step: current reference, stator frequency, speed.
+    speeds, loads : ndarray of float64, shape (n,)
+        What is asked of the rotor, and what acts on it, at each step.
     """
 
     def __init__(self, drive: FiveLevelDrive, course: Course, steps: int) -> None:
         self._load, self._ts, self._course = drive.machine, drive.control.ts, course
-        self._speeds, self._loads = course.over(self._ts, steps)
+        self.speeds, self.loads = course.over(self._ts, steps)
         self._matrices = drive.machine.matrices
         self._excited = self._matrices.a0[1, 0] > 0.0  # else magnets make the flux
         self._flux = abs(self._load.steady_state(1.0).psi_r) if course.flux is None else course.flux
         self._gain = 2.0 * course.inertia * BANDWIDTH
         self._total, self._magnetised = 0.0, not self._excited
-        first = 0.0 if course.standstill else float(self._speeds[0])
+        first = 0.0 if course.standstill else float(self.speeds[0])
         at = SteadyState(0.0, 0.0, 0j, 0j if self._excited else complex(self._flux), 0j, 0.0)
         if not course.standstill:
-            held = float(self._loads[0]) + course.friction * first
+            held = float(self.loads[0]) + course.friction * first
             asked = {"flux": self._flux} if "flux" in self._load.quantities else {}
             slipping = 1.0 - self._load.steady_state(1.0, torque=held, **asked).omega_r
             at = self._load.steady_state(first + slipping, torque=held, **asked)
@@ -169,7 +171,7 @@ class FieldOrientation:
             limit = gain * math.sqrt(CURRENT_LIMIT**2 - along**2)
             torque, self._total = speed_pi(
                 self._gain, 0.25 * BANDWIDTH * self._gain, WEIGHT, self._ts, self._total,
-                float(self._speeds[k]), omega_r, limit,
+                float(self.speeds[k]), omega_r, limit,
             )  # fmt: skip
             across = torque / gain
         slipping = float(a0[1, 0]) * across / psi if across else 0.0
@@ -188,7 +190,7 @@ class FieldOrientation:
         """
         if k + 1 < len(self.profile):
             omega_r = self.profile.omega_r[k]
-            free = torque - self._loads[k] - self._course.friction * omega_r
+            free = torque - self.loads[k] - self._course.friction * omega_r
             self.profile.omega_r[k + 1] = omega_r + self._ts * free / (2.0 * self._course.inertia)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import functools
+import importlib
 import math
 import warnings
 from collections.abc import Callable, Mapping
@@ -227,6 +228,7 @@ def simulate(
     errors: DriveErrors | MptcErrors | None = None,
     flux_observer: bool = False,
     sensorless: bool = False,
+    scope: bool = False,
 ) -> SimulationResult:
     """Run a controller in closed loop with the exact plant, from a steady state on.
 
@@ -295,6 +297,8 @@ def simulate(
         MPTC: the controller sees the flux and the speed that a speed-adaptive observer estimates
         from the measured currents (docs/sensorless.md), bit-true for "model". The result's `flux`
         and `omega_r` are the plant's, its `trace` is what the controller saw.
+    scope : bool
+        Whether the run is shown in the browser (docs/scope.md). The program then ends with Ctrl-C.
 
     Returns
     -------
@@ -433,10 +437,12 @@ def simulate(
     if course is not None:
         speeds, loads = course.over(drive.control.ts, steps)
         result = replace(result, speed_ref=speeds, load=loads)
-    if core is None:
-        return result
-    cycles = np.array(core.cycles[-steps:])
-    return replace(result, decisions=replace(result.decisions, cycles=cycles))
+    if core is not None:
+        cycles = np.array(core.cycles[-steps:])
+        result = replace(result, decisions=replace(result.decisions, cycles=cycles))
+    if scope:  # by its name: the scope lies above this room
+        importlib.import_module("directmpc.scope").show(result)
+    return result
 
 
 def _course(

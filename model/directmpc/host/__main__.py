@@ -234,7 +234,8 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--port",
         required=True,
         help="serial device, or the virtual board's name; spi: before it for SPI, "
-        "such as spi:/dev/spidev0.0; rtl: and a drive for the RTL in this process",
+        "such as spi:/dev/spidev0.0; rtl: and a drive for the RTL in this process; "
+        "scope: and the address of a scope that owns the board",
     )
     parser.add_argument(
         "--baud", type=int, help=f"bit rate, {BAUD} by default, {spi.RATE} over SPI"

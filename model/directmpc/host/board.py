@@ -33,6 +33,7 @@ from directmpc.drive_tables import DriveError
 from directmpc.host import protocol as p
 from directmpc.host import rtl, spi
 from directmpc.host.console import terminable, undisturbed
+from directmpc.host.joined import JoinedLink
 from directmpc.host.link import Link, LinkError, RefusedError, SerialStream
 from directmpc.host.measurements import Encoder
 from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcome, Type
@@ -75,6 +76,9 @@ SPI = "spi:"
 
 RTL = "rtl:"
 """What the name of a board begins with that is the RTL itself, in this process."""
+
+SCOPE = "scope:"
+"""What the name of a board begins with that a scope owns."""
 
 LONGEST_TIME = 0xFFFF
 """Of the guard's decision limit and watchdog, clocks: lock-step knows no control period."""
@@ -230,7 +234,8 @@ class Board:
     port : str, path or Link
         Serial device, or name of a virtual board; ``spi:`` before an SPI device of Linux, or before
         the name of a virtual board with SPI; ``rtl:``, ``rtl:mptc`` or ``rtl:`` and a drive: the
-        board's RTL itself, see `directmpc.host.rtl`; or a link of one's own.
+        board's RTL itself, see `directmpc.host.rtl`; ``scope:`` and the address of a scope that
+        owns the board; or a link of one's own.
     real_time : bool
         False, lock-step: the board waits for the host, `load` sets the guard's decision limit and
         watchdog to their longest, 65,535 clocks. True: they follow from the control period.
@@ -265,6 +270,8 @@ class Board:
         self._context, self._stream = ExitStack(), None
         if isinstance(port, Link):
             self.link = port
+        elif os.fspath(port).startswith(SCOPE):
+            self.link = JoinedLink(os.fspath(port).removeprefix(SCOPE), timeout)
         else:
             self._stream = _stream_of(os.fspath(port), baud)
         try:

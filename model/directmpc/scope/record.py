@@ -1,0 +1,481 @@
+"""What the scope keeps of a run: the last rows of its table, and every change of the gates.
+
+A record is filled by a board, by the virtual board, by a result of `simulate` or by files, and read
+by the pages and by the exports, each in a thread of its own.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import os
+import tempfile
+import threading
+from collections import deque
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from directmpc.api.simulation import SimulationResult
+from directmpc.host.gate_guard import LEGS
+from directmpc.mpdcc import trace as five_trace
+from directmpc.mptc import trace as two_trace
+from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.inverter import STATES
+from directmpc.scope.signals import PHASES, AnyDrive, FloatArray, Signals
+
+CAPACITY = 100_000
+"""Rows that are kept."""
+
+
+class Record:
+    """A table that forgets its oldest rows.
+
+    Parameters
+    ----------
+    drive : Drive, KbestDrive or MptcDrive
+        Whose columns it has.
+    capacity : int
+        Rows that are kept.
+
+    Attributes
+    ----------
+    signals : Signals
+        Its columns and channels.
+    ts : float
+        Time of a row, s.
+    total : int
+        Rows that have been added.
+    edges : deque of (float, int)
+        Times in s and gates, of each change of a gate.
+    edge_total : int
+        Edges that have been added.
+    """
+
+    def __init__(self, drive: AnyDrive, capacity: int = CAPACITY) -> None:
+        self.drive, self.signals, self.ts = drive, Signals(drive), float(drive.control.ts)
+        self._rows = np.zeros((capacity, len(self.signals.columns)))
+        self._lock = threading.Lock()
+        self.total = self.edge_total = 0
+        self.edges: deque[tuple[float, int]] = deque(maxlen=2 * capacity)
+
+    @property
+    def first(self) -> int:
+        """Number of the oldest row that is kept.
+
+        Returns
+        -------
+        int
+            0 while none has been forgotten.
+        """
+        return max(0, self.total - len(self._rows))
+
+    def append(self, rows: FloatArray) -> None:
+        """Add rows.
+
+        Parameters
+        ----------
+        rows : ndarray of float64, shape (n, columns)
+            In the order of `signals.columns`.
+        """
+        with self._lock:
+            places = (self.total + np.arange(len(rows))) % len(self._rows)
+            self._rows[places] = rows
+            self.total += len(rows)
+
+    def add_edges(self, edges: Iterable[tuple[float, int]]) -> None:
+        """Add changes of the gates.
+
+        Parameters
+        ----------
+        edges : iterable of (float, int)
+            Time in s and gates, in order of time.
+        """
+        with self._lock:
+            for edge in edges:
+                self.edges.append(edge)
+                self.edge_total += 1
+
+    def table(self, first: int, last: int) -> dict[str, FloatArray]:
+        """Columns of the rows from `first` on, without `last`.
+
+        Parameters
+        ----------
+        first, last : int
+            Numbers of rows; those that are not kept are left out.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n,)
+            By name.
+        """
+        with self._lock:
+            first, last = max(first, self.first), min(last, self.total)
+            rows = self._rows[np.arange(first, max(first, last)) % len(self._rows)]
+        return dict(zip(self.signals.columns, rows.T, strict=True))
+
+    def edges_from(self, number: int) -> list[tuple[float, int]]:
+        """Changes of the gates from one on.
+
+        Parameters
+        ----------
+        number : int
+            How many were added before it.
+
+        Returns
+        -------
+        list of (float, int)
+            Those that are kept.
+        """
+        with self._lock:
+            skipped = max(0, number - (self.edge_total - len(self.edges)))
+            return list(itertools.islice(self.edges, skipped, None))
+
+
+class GateCourse:
+    """Gates over time as the guard sequences them: one gate at a time, a dead time apart.
+
+    Parameters
+    ----------
+    drive : Drive, KbestDrive or MptcDrive
+        Its dead time, or 0 where its file has none.
+
+    Attributes
+    ----------
+    word : int
+        The gates after the last edge, one bit each.
+    """
+
+    def __init__(self, drive: AnyDrive) -> None:
+        self._leg = LEGS[False] if isinstance(drive, MptcDrive) else drive.converter
+        self._width = max(max(gates) for gates in self._leg.gates)
+        self._dead, self._ts = drive.guard.dead_time or 0.0, float(drive.control.ts)
+        # steps after which a decision reaches the gates
+        self._delay = int(getattr(drive.control, "delay_compensation", True))
+        self._at: list[int | None] = [None] * 3
+        self.word = 0
+
+    def step(self, row: int, positions: list[int], running: bool) -> list[tuple[float, int]]:
+        """What a decision does to the gates.
+
+        Parameters
+        ----------
+        row : int
+            Its number.
+        positions : list of int
+            Of the three legs.
+        running : bool
+            Whether gates follow decisions.
+
+        Returns
+        -------
+        list of (float, int)
+            Times in s and gates.
+        """
+        time = (row + self._delay * running) * self._ts
+        changes: list[tuple[float, int, bool]] = []
+        for n, goal in enumerate(positions):
+            before, self._at[n] = self._at[n], goal if running else None
+            if not running or before is None:
+                want = self._leg.gates[goal] if running else frozenset()
+                for gate in range(1, self._width + 1):
+                    bit = n * self._width + gate - 1
+                    if (gate in want) != bool(self.word >> bit & 1):
+                        changes.append((time, bit, gate in want))
+            elif before != goal:
+                for m, action in enumerate(self._leg.commutation(before, goal)):
+                    bit = n * self._width + abs(action) - 1
+                    changes.append((time + m * self._dead, bit, action > 0))
+        found = []
+        for at, group in itertools.groupby(sorted(changes), key=lambda change: change[0]):
+            for _, bit, on in group:
+                self.word = self.word | 1 << bit if on else self.word & ~(1 << bit)
+            found.append((at, self.word))
+        return found
+
+
+def positions_of(signals: Signals, row: Mapping[str, float]) -> list[int]:
+    """Positions of the legs that a row decides.
+
+    Parameters
+    ----------
+    signals : Signals
+        Of its drive.
+    row : mapping of str to float
+        By column.
+
+    Returns
+    -------
+    list of int
+        Phases a to c.
+    """
+    if signals.five:
+        return [int(row[f"next_s_{x}"]) for x in PHASES]
+    return STATES[int(row["next_u"])].tolist()
+
+
+def of_columns(drive: AnyDrive, columns: Mapping[str, NDArray[Any]]) -> Record:
+    """A record of a whole run.
+
+    Parameters
+    ----------
+    drive : Drive, KbestDrive or MptcDrive
+        What decided.
+    columns : mapping of str to ndarray, shape (n,)
+        At least those of a trace and of its decisions; what is missing beside is 0, bounds are the
+        drive's, and the gates are on.
+
+    Returns
+    -------
+    Record
+        Large enough for all of it.
+    """
+    count = len(next(iter(columns.values())))
+    record = Record(drive, max(count, 1))
+    usual: dict[str, float] = {"running": 1.0}
+    for name in ("bound_current", "bound_vn", "bound_vph"):
+        usual[name] = getattr(drive.control, name, 0.0)
+    record.append(
+        np.column_stack(
+            [
+                np.asarray(columns.get(name, np.full(count, usual.get(name, 0.0))), np.float64)
+                for name in record.signals.columns
+            ]
+        )
+    )
+    course, table = GateCourse(drive), record.table(0, count)
+    for k in range(count):
+        row = {name: column[k] for name, column in table.items()}
+        positions = positions_of(record.signals, row)
+        record.add_edges(course.step(k, positions, bool(row["running"])))
+    return record
+
+
+def of_result(result: SimulationResult) -> Record:
+    """A record of a simulation.
+
+    Parameters
+    ----------
+    result : SimulationResult
+        Of any controller.
+
+    Returns
+    -------
+    Record
+        All of its rows.
+    """
+    columns = dict(result.table())
+    for name in ("cycles", "exhausted"):
+        if (values := getattr(result.decisions, name, None)) is not None:
+            columns["cycles" if name == "cycles" else "next_exhausted"] = values
+    return of_columns(result.drive, columns)
+
+
+def of_files(drive: AnyDrive, trace: Path, decisions: Path | None) -> Record:
+    """A record of a trace file, and of the decisions on it.
+
+    Parameters
+    ----------
+    drive : Drive, KbestDrive or MptcDrive
+        Whose they are.
+    trace : Path
+        As `replay` takes it.
+    decisions : Path or None
+        As `replay` writes it. Without it each row decides what the next one says was applied.
+
+    Returns
+    -------
+    Record
+        All rows.
+
+    Raises
+    ------
+    TraceError
+        If a file is malformed, or they have not the same number of rows.
+    """
+    columns: dict[str, NDArray[Any]] = {}
+    if not isinstance(drive, MptcDrive):
+        seen = five_trace.read_trace(trace, drive)
+        columns |= dict(
+            zip(("is_alpha", "is_beta", "psir_alpha", "psir_beta"), seen.x_m.T, strict=True)
+        )
+        columns |= dict(zip(("v_n", "v_ph_a", "v_ph_b", "v_ph_c"), seen.x_inv.T, strict=True))
+        columns |= {"iref_alpha": seen.iref[:, 0], "iref_beta": seen.iref[:, 1]}
+        columns |= {"v_dc": seen.vdc, "omega_s": seen.omega_s, "omega_r": seen.omega_r}
+        columns |= {f"s_{x}": seen.s_prev[:, n] for n, x in enumerate(PHASES)}
+        after = {
+            f"next_s_{x}": np.append(c[1:], c[-1])
+            for x, c in ((x, columns[f"s_{x}"]) for x in PHASES)
+        }
+    else:
+        seen = two_trace.read_trace(trace, sequences=drive.control.sequences)
+        columns |= {"is_alpha": seen.i_s[:, 0], "is_beta": seen.i_s[:, 1]}
+        columns |= {"psis_alpha": seen.psi_s[:, 0], "psis_beta": seen.psi_s[:, 1]}
+        columns |= {"omega_r": seen.omega_r, "torque_ref": seen.torque_ref, "psi_ref": seen.psi_ref}
+        columns |= {"u": seen.u}
+        after = {"next_u": np.append(seen.u[1:], seen.u[-1:])}
+    columns |= after if decisions is None else _decided(drive, decisions, len(seen))
+    return of_columns(drive, columns)
+
+
+def _decided(drive: AnyDrive, path: Path, count: int) -> dict[str, NDArray[Any]]:
+    """Columns of a file of decisions."""
+    found: dict[str, NDArray[Any]]
+    if isinstance(drive, MptcDrive):
+        two = two_trace.read_decisions(path, sequences=drive.control.sequences)
+        found, cycles = {"next_u": two.u, "next_saturated": two.saturated}, two.cycles
+    else:
+        five = five_trace.read_decisions(path)
+        found = {f"next_s_{x}": five.s[:, n] for n, x in enumerate(PHASES)}
+        found |= {
+            f"next_{n}": getattr(five, n) for n in ("held", "deadlock", "length", "saturated")
+        }
+        if five.exhausted is not None:
+            found["next_exhausted"] = five.exhausted
+        cycles = five.cycles
+    if cycles is not None:
+        found["cycles"] = cycles
+    rows = len(next(iter(found.values())))
+    if rows != count:
+        raise five_trace.TraceError(f"{path}: {rows} rows; the trace has {count}")
+    return found
+
+
+# ---- what is written ----
+
+
+def written(record: Record, kind: str, first: int, last: int, unit: int) -> tuple[str, bytes]:
+    """A file of some rows.
+
+    Parameters
+    ----------
+    record : Record
+        Whose rows.
+    kind : str
+        "csv", "trace", "decisions" or "fst".
+    first, last : int
+        Rows from `first` on, without `last`.
+    unit : int
+        Of a CSV: 0 SI, 1 per unit.
+
+    Returns
+    -------
+    name : str
+        What to call it.
+    data : bytes
+        Its contents.
+
+    Raises
+    ------
+    KeyError
+        If there is no such kind.
+    ValueError
+        If there are no such rows, or a package is missing.
+    """
+    maker = {"csv": _csv, "trace": _trace, "decisions": _decisions, "fst": _fst}[kind]
+    first, last = max(first, record.first), min(last, record.total)
+    if first >= last:
+        raise ValueError("there are no such rows; the oldest are no longer kept")
+    name = "scope.fst" if kind == "fst" else f"scope-{kind}.csv" if kind != "csv" else "scope.csv"
+    if kind == "csv":
+        return name, _csv(record, first, last, unit)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        maker(record, first, last, path)
+        return name, path.read_bytes()
+
+
+def _csv(record: Record, first: int, last: int, unit: int) -> bytes:
+    """Time and channels, names with their units."""
+    values = record.signals.values(record.table(first, last)).astype(np.float64)
+    channels = record.signals.channels
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    named = [f"{c.key} [{c.units[unit][0]}]" if c.units[unit][0] else c.key for c in channels]
+    writer.writerow(["time [s]", *named])
+    scaled = values * np.array([c.units[unit][1] for c in channels])[:, None]
+    for k, column in enumerate(scaled.T.tolist(), start=first):
+        writer.writerow([f"{k * record.ts:.9g}", *(f"{v:.7g}" for v in column)])
+    return out.getvalue().encode()
+
+
+def _trace(record: Record, first: int, last: int, path: Path) -> None:
+    t = record.table(first, last)
+
+    def pick(*names: str) -> FloatArray:
+        return np.column_stack([t[name] for name in names])
+
+    if record.signals.five:
+        five = five_trace.MpdccTrace(
+            x_m=pick("is_alpha", "is_beta", "psir_alpha", "psir_beta"),
+            x_inv=pick("v_n", "v_ph_a", "v_ph_b", "v_ph_c"), vdc=t["v_dc"],
+            iref=pick("iref_alpha", "iref_beta"), omega_s=t["omega_s"], omega_r=t["omega_r"],
+            s_prev=pick("s_a", "s_b", "s_c").astype(np.int64),
+        )  # fmt: skip
+        five_trace.write_trace(path, five)
+        return
+    two = two_trace.MptcTrace(
+        i_s=pick("is_alpha", "is_beta"), psi_s=pick("psis_alpha", "psis_beta"),
+        omega_r=t["omega_r"], torque_ref=t["torque_ref"], psi_ref=t["psi_ref"],
+        u=t["u"].astype(np.int64),
+    )  # fmt: skip
+    two_trace.write_trace(path, two)
+
+
+def _decisions(record: Record, first: int, last: int, path: Path) -> None:
+    t = {name: c.astype(np.int64) for name, c in record.table(first, last).items()}
+    cycles = t["cycles"] if t["cycles"].all() else None
+    if record.signals.five:
+        s = np.column_stack([t[f"next_s_{x}"] for x in PHASES])
+        flags = {
+            n: t[f"next_{n}"] for n in ("held", "deadlock", "length", "saturated", "exhausted")
+        }
+        five_trace.write_decisions(path, five_trace.Decisions(s=s, cycles=cycles, **flags))
+    else:
+        two = two_trace.MptcDecisions(t["next_u"], cycles, t["next_saturated"])
+        two_trace.write_decisions(path, two)
+
+
+def _fst(record: Record, first: int, last: int, path: Path) -> None:
+    """Channels as reals in SI, gates as bits at their times; 1 ns."""
+    try:
+        import pylibfst
+    except ImportError:
+        raise ValueError("FST needs pylibfst: pip install 'directmpc[scope]'") from None
+    lib, ffi = pylibfst.lib, pylibfst.ffi
+    values = record.signals.values(record.table(first, last)).astype(np.float64)
+    begin, end = first * record.ts, last * record.ts
+    edges = [edge for edge in record.edges_from(0) if begin <= edge[0] < end]
+    writer = lib.fstWriterCreate(os.fsencode(path), 1)
+    lib.fstWriterSetTimescale(writer, -9)
+    lib.fstWriterSetScope(writer, lib.FST_ST_VCD_MODULE, b"scope", ffi.NULL)
+
+    def variable(kind: int, width: int, name: str) -> Any:
+        return lib.fstWriterCreateVar(writer, kind, lib.FST_VD_IMPLICIT, width, name.encode(), 0)
+
+    channels = record.signals.channels
+    reals = [variable(lib.FST_VT_VCD_REAL, 8, c.key) for c in channels]
+    width = 24 if record.signals.five else 6
+    gates = [variable(lib.FST_VT_VCD_WIRE, 1, f"gate_{n}") for n in range(width)]
+    events: list[tuple[float, int, Any]] = [
+        (begin + k * record.ts, 0, k) for k in range(last - first)
+    ]
+    events += [(time, 1, word) for time, word in edges]
+    before: list[float | None] = [None] * len(reals)
+    for time, kind, what in sorted(events, key=lambda event: event[:2]):
+        lib.fstWriterEmitTimeChange(writer, round(time * 1e9))
+        if kind:
+            for n, handle in enumerate(gates):
+                lib.fstWriterEmitValueChange(writer, handle, b"1" if what >> n & 1 else b"0")
+            continue
+        for n, (handle, channel) in enumerate(zip(reals, channels, strict=True)):
+            value = values[n, what] * channel.units[0][1]
+            if value != before[n]:
+                before[n] = value
+                lib.fstWriterEmitValueChange(writer, handle, ffi.new("double *", value))
+    lib.fstWriterSetUpscope(writer)
+    lib.fstWriterClose(writer)

@@ -1,0 +1,49 @@
+"""A page in the browser that shows a board, the virtual board or a recorded run."""
+
+from __future__ import annotations
+
+import argparse
+
+from directmpc.host.link import LinkError
+from directmpc.host.rtl import BOARDS
+from directmpc.native import NativeError
+from directmpc.scope import command
+from scripts.hdl import native
+from scripts.shared import progress
+from scripts.shared.command import Command, InputError
+from scripts.shared.tools import ToolError
+
+
+def served(given: argparse.Namespace) -> int:
+    """Serve the page; the virtual board's Verilog is written before.
+
+    Parameters
+    ----------
+    given : argparse.Namespace
+        Arguments of `command.add_arguments`.
+
+    Returns
+    -------
+    int
+        Exit code: 0.
+
+    Raises
+    ------
+    ToolError
+        If a tool, a board or a package is missing.
+    InputError
+        If a file, a drive or an address cannot be used.
+    """
+    try:
+        if getattr(given, "source", command.VIRTUAL) == command.VIRTUAL:
+            drive = command.drive_of_cores(given.drive or command.DEFAULTS["mpdcc"])
+            with progress.busy("conversion of the VHDL"):
+                native.write([BOARDS[drive.controller]])
+        return command.run(given)
+    except (NativeError, LinkError) as error:
+        raise ToolError(str(error)) from None
+    except ValueError as error:
+        raise InputError(str(error)) from None
+
+
+COMMAND = Command("scope", __doc__, command.add_arguments, served, failed=1)
