@@ -202,6 +202,19 @@ class Converter:
         return _table(-self.capacitor)
 
     @cached_property
+    def position_of_code(self) -> tuple[int, ...]:
+        """Position that each code of three bits stands for.
+
+        Returns
+        -------
+        tuple of int
+            A code that is no position is as one that differs in a bit, so that whoever never sees
+            it needs no logic to tell both.
+        """
+        low = [min(code, self.positions - 1) for code in range(4)]
+        return (*low, *(code if code < self.positions else low[code - 4] for code in range(4, 8)))
+
+    @cached_property
     def has_signed_weights(self) -> bool:
         """Whether the weight of a transition depends on the sign of the current.
 
@@ -554,7 +567,7 @@ class Converter:
         """
         first = position if self.start_through is None else self.start_through
         steps = [self.gates[first] & group for group in self.start_groups]
-        steps = [frozenset[int]().union(*steps[: n + 1]) for n, step in enumerate(steps) if step]
+        steps = [frozenset[int]().union(*steps[: n + 1]) for n in range(len(steps))]
         for action in self.commutation(first, position):
             steps.append(steps[-1] | {action} if action > 0 else steps[-1] - {-action})
         return tuple(steps)

@@ -21,6 +21,7 @@ library ieee;
 
 library work;
   use work.directmpc_math.all;
+  use work.gate_tables.gates_of;
   use work.link_constants.all;
 
 entity board_top is
@@ -51,7 +52,7 @@ entity board_top is
     spi_miso       : out   std_logic;                     -- to the rig; always driven, low while spi_cs_n is high
     steps_over_spi : in    std_logic;                     -- switch: '1': steps come over SPI, '0': UART
     permit         : in    std_logic;                     -- asynchronous, '0': gates off, fault; pulled down
-    gates          : out   std_logic_vector(23 downto 0); -- '1': on; MPDCC: S1 to S8 of a, b, c; MPTC: bits 0 to 5
+    gates          : out   std_logic_vector(23 downto 0); -- '1': on; MPDCC: S1, S2, ... of a, b, c; MPTC: bits 0 to 5
     leds           : out   std_logic_vector(3 downto 0);  -- 0: running, 1: fault, 2: deciding, 3: steps over SPI
     held_high      : out   std_logic_vector(2 downto 0)   -- always '1': pins that can have the FPGA reconfigured
   );
@@ -381,7 +382,7 @@ begin
         cycles         => decision_cycles,
         flux_alpha     => open,
         flux_beta      => open,
-        gates          => gates_now,
+        gates          => gates_now(3 * gates_of(true) - 1 downto 0),
         running        => running,
         faults         => faults(12 downto 0),
         s_axil_awready => awready,
@@ -408,6 +409,10 @@ begin
     decision(15 downto 9)        <= (others => '0');
     decision_flags(FLAG_CLAMPED) <= '0';
     decision_length(7 downto 6)  <= "00";
+
+    g_no_gates : for i in 3 * gates_of(true) to 23 generate
+      gates_now(i) <= '0';
+    end generate g_no_gates;
 
   end generate g_mpdcc;
 

@@ -69,13 +69,59 @@ package anpc5l_leg is
     (1, 1, 0, 0)
   );
 
+  constant GATES : positive := 8; -- of a leg
+  constant POSITIONS : positive := 8; -- of a leg
+
   subtype leg_gates_t is std_logic_vector(7 downto 0); -- S8 leftmost
 
+  type codes_t is array (0 to 7) of std_logic_vector(2 downto 0);
+  type patterns_t is array (0 to 7) of leg_gates_t;
+  type gate_sets_t is array (0 to 6) of leg_gates_t;
+  type edges_t is array (0 to 5) of std_logic_vector(5 downto 0);
+  type lasts_t is array (0 to 5) of natural range 0 to 7;
+  type orders_t is array (0 to 5, 0 to 5) of natural range 0 to 7;
   type stop_rules_t is array (0 to 5, 0 to 2) of leg_gates_t;
   type start_groups_t is array (0 to 2) of leg_gates_t;
 
-  -- gates at the rails: a stop turns them off at once
+  -- position that each code stands for
+  constant POSITION_OF_CODE : codes_t := (
+    "000", "001", "010", "011", "100", "101", "110", "111"
+  );
+
+  -- gates that are on in each position
+  constant PATTERNS : patterns_t := (
+    "11001010", "10101010", "01011010", "00111010",
+    "11000101", "10100101", "01010101", "00110101"
+  );
+
+  -- gates that may never be on together: they short a source or overload a device
+  constant FORBIDDEN : gate_sets_t := (
+    "00000011", "00001001", "00000110", "00001100", "01100000", "10010001", "10011000"
+  );
+
+  -- commutations: the first row that fits has the order. It fits origin xor goal and
+  -- origin, three bits each: which count, what they are; last action; gates, S1 is 0.
+  constant MOVE_CARE : edges_t := (
+    "100100", "100000", "010001", "010000", "000010", "000000"
+  );
+  constant MOVE_VALUE : edges_t := (
+    "110010", "110100", "001000", "001001", "010000", "010010"
+  );
+  constant MOVE_LAST : lasts_t := (5, 5, 1, 1, 1, 1);
+  constant MOVE_GATES : orders_t := (
+    (3, 7, 1, 2, 4, 0),
+    (0, 4, 2, 1, 7, 3),
+    (6, 5, 5, 5, 5, 5),
+    (5, 6, 6, 6, 6, 6),
+    (7, 4, 4, 4, 4, 4),
+    (4, 7, 7, 7, 7, 7)
+  );
+
+  -- a stop turns these gates off at once
   constant RAIL_GATES : leg_gates_t := "00001001";
+
+  -- each position has one of them on
+  constant ALWAYS_AT_RAIL : boolean := true;
 
   -- steps of a stop: gates that are on, gates that are off, the gate that changes.
   -- The first row that fits is taken; where none does, all gates go off.
@@ -88,11 +134,13 @@ package anpc5l_leg is
     ("00000100", "00000000", "00000100")
   );
 
-  -- steps of a start: which of a position's gates come on
+  -- steps of a start: which gates of the position come on
   constant START_GROUPS : start_groups_t := (
-    "11110000",
-    "00000110",
-    "00001001"
+    "11110000", "00000110", "00001001"
   );
+
+  -- a start goes to this position first, and on from there; false: to its own at once
+  constant HAS_START_THROUGH : boolean := false;
+  constant START_THROUGH : std_logic_vector(2 downto 0) := "000";
 
 end package anpc5l_leg;

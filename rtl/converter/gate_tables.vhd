@@ -1,17 +1,15 @@
 -- Gates of a leg as data: which are on in a position, in what order they change, which may never be
 -- on together.
 --
--- Five-level ANPC leg: gate S1 is bit 0, S8 bit 7, position s = 4g + 2a + b; S1 and S3 carry g, S2 and
--- S4 its complement, S5 carries a and S8 its complement, S6 carries b and S7 its complement.
--- Two-level leg: bit 0 is the upper gate, bit 1 the lower one, position bit 0 '1': upper.
+-- Two legs: that of the converter, from the tables of anpc5l_leg, and a two-level leg, whose bit 0 is the upper gate
+-- and bit 1 the lower one, position bit 0 '1': upper.
 --
--- Order of an ANPC commutation (2 to 4, 3 to 5: g rises, a falls): S4 off, S8 on, S2 off, S3 on, S5 off,
--- S1 on; back the same in reverse.  With S8 on before S2 goes off the current has a way to go for
--- either sign, the output makes one step, at S2 for i < 0 and at S3 for i > 0, and S1, S4, S5 and S8
--- switch without current.  tb/rtl/guard/gate_guard/test_gate_commutation.py finds this from the circuit.
--- A stop and a start of an ANPC leg take several steps, a dead time apart (tables of anpc5l_leg): the gates at the
--- rails, S1 and S4, go off first and come on last.  All gates off in one clock would put up to 2.6 times its rating
--- on S5 or S8.  A two-level leg takes one step.
+-- A commutation changes one gate at a time, in an order that shorts nothing, gives the current a way for either sign
+-- and moves the output in one step (docs/converters.md). ANPC, 2 to 4 and 3 to 5: S4 off, S8 on, S2 off, S3 on, S5 off,
+-- S1 on; back the same in reverse. S1, S4, S5 and S8 switch without current.
+-- A stop and a start may take several steps, a dead time apart: gates at the rails go off first and come on last.  All
+-- gates off in one clock would put up to 2.6 times its rating on S5 or S8 of an ANPC leg.  A two-level leg needs one.
+-- A start may lead through a position: that of an NPC leg goes by the neutral point.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
 
@@ -46,6 +44,9 @@ package gate_tables is
   -- gates of one leg
   function gates_of (five_level : boolean) return positive;
 
+  -- the position that a code stands for
+  function position_of (five_level : boolean; code : std_logic_vector(2 downto 0)) return std_logic_vector;
+
   -- '1': the switch graph has this edge, staying included
   function is_edge (five_level : boolean; origin, goal : std_logic_vector(2 downto 0)) return std_logic;
 
@@ -67,10 +68,10 @@ package gate_tables is
   -- '1': a gate at a rail is on; a stop then begins at once, whatever has changed before
   function at_rail (five_level : boolean; gates : std_logic_vector) return std_logic;
 
-  -- number of the last step of a start
-  function last_start (five_level : boolean) return natural;
+  -- number of the last step of the start of a position
+  function last_start (five_level : boolean; position : std_logic_vector(2 downto 0)) return unsigned;
 
-  -- gates of a position that a step of its start turns on
+  -- gates that a step of the start of a position changes, from all off
   function start_of (five_level : boolean; position : std_logic_vector(2 downto 0); action : unsigned(2 downto 0))
     return std_logic_vector;
 
@@ -81,21 +82,29 @@ end package gate_tables;
 
 package body gate_tables is
 
-  type order_t is array (0 to 5) of natural range 0 to 7;
-
-  -- g rises; indices of bits, S1 is 0
-  constant RISING : order_t := (3, 7, 1, 2, 4, 0);
-
   function gates_of (five_level : boolean) return positive is
   begin
 
     if (five_level) then
-      return 8;
+      return GATES;
     else
       return 2;
     end if;
 
   end function gates_of;
+
+  function position_of (five_level : boolean; code : std_logic_vector(2 downto 0)) return std_logic_vector is
+  begin
+
+    if (not five_level) then
+      return "00" & code(0);
+    elsif (POSITIONS = 8) then
+      return code;
+    else
+      return POSITION_OF_CODE(to_integer(unsigned(code)));
+    end if;
+
+  end function position_of;
 
   function is_edge (five_level : boolean; origin, goal : std_logic_vector(2 downto 0)) return std_logic is
 
@@ -107,7 +116,7 @@ package body gate_tables is
 
     if (five_level) then
 
-      for s in 0 to 7 loop
+      for s in 0 to POSITIONS - 1 loop
         for i in 0 to 3 loop
           if (unsigned(origin) = s and unsigned(goal) = NEXT_POSITIONS(s, i)) then
             result := '1';
@@ -125,70 +134,75 @@ package body gate_tables is
 
   function pattern_of (five_level : boolean; position : std_logic_vector(2 downto 0))
     return std_logic_vector is
-
-    variable g : std_logic;
-    variable a : std_logic;
-    variable b : std_logic;
-
   begin
 
-    g := position(2);
-    a := position(1);
-    b := position(0);
-
     if (five_level) then
-      return (not a) & (not b) & b & a & (not g) & g & (not g) & g;
+      return PATTERNS(to_integer(unsigned(position)));
     else
-      return (not b) & b;
+      return (not position(0)) & position(0);
     end if;
 
   end function pattern_of;
 
   function last_action (five_level : boolean; origin, goal : std_logic_vector(2 downto 0))
     return unsigned is
+
+    variable edge   : std_logic_vector(5 downto 0);
+    variable result : unsigned(2 downto 0);
+
   begin
 
-    if (five_level and origin(2) /= goal(2)) then
-      return "101";
-    else
-      return "001";
+    edge   := (origin xor goal) & origin;
+    result := "001";
+
+    if (five_level) then
+      -- the first row that fits is the last to be looked at
+      for i in MOVE_LAST'high downto 0 loop
+        if ((edge and MOVE_CARE(i)) = (MOVE_VALUE(i) and MOVE_CARE(i))) then
+          result := to_unsigned(MOVE_LAST(i), 3);
+        end if;
+      end loop;
+
     end if;
+
+    return result;
 
   end function last_action;
 
   function action_of (five_level : boolean; origin, goal : std_logic_vector(2 downto 0);
     action : unsigned(2 downto 0)) return std_logic_vector is
 
+    variable edge   : std_logic_vector(5 downto 0);
+    variable row    : std_logic_vector(gates_of(five_level) - 1 downto 0);
     variable result : std_logic_vector(gates_of(five_level) - 1 downto 0);
     variable second : std_logic;
 
   begin
 
+    edge   := (origin xor goal) & origin;
     result := (others => '0');
     second := action(0);
 
-    if (not five_level) then
-      -- the gate that is on goes off first
-      result(0) := origin(0) xor second;
-      result(1) := not (origin(0) xor second);
-    elsif (origin(2) /= goal(2)) then
+    if (five_level) then
+      -- the first row that fits is the last to be looked at; of two actions the last bit tells
+      for i in MOVE_LAST'high downto 0 loop
+        row := (others => '0');
 
-      for i in 0 to 5 loop
-        if (goal(2) = '1' and action = i) then
-          result(RISING(i)) := '1';
-        end if;
+        for k in 0 to MOVE_LAST(i) loop
+          if ((MOVE_LAST(i) < 2 and action(0) = to_unsigned(k, 3)(0)) or action = k) then
+            row(MOVE_GATES(i, k)) := '1';
+          end if;
+        end loop;
 
-        if (goal(2) = '0' and action = 5 - i) then
-          result(RISING(i)) := '1';
+        if ((edge and MOVE_CARE(i)) = (MOVE_VALUE(i) and MOVE_CARE(i))) then
+          result := row;
         end if;
       end loop;
 
-    elsif (origin(1) /= goal(1)) then
-      result(4) := origin(1) xor second;
-      result(7) := not (origin(1) xor second);
     else
-      result(5) := origin(0) xor second;
-      result(6) := not (origin(0) xor second);
+      -- the gate that is on goes off first
+      result(0) := origin(0) xor second;
+      result(1) := not (origin(0) xor second);
     end if;
 
     return result;
@@ -239,32 +253,48 @@ package body gate_tables is
 
   end function at_rail;
 
-  function last_start (five_level : boolean) return natural is
+  function last_start (five_level : boolean; position : std_logic_vector(2 downto 0)) return unsigned is
+
+    variable result : unsigned(2 downto 0);
+
   begin
 
+    result := "000";
+
     if (five_level) then
-      return START_GROUPS'high;
-    else
-      return 0;
+      result := to_unsigned(START_GROUPS'high, 3);
+
+      if (HAS_START_THROUGH and position /= START_THROUGH) then
+        result := result + 1 + last_action(five_level, START_THROUGH, position);
+      end if;
     end if;
+
+    return result;
 
   end function last_start;
 
   function start_of (five_level : boolean; position : std_logic_vector(2 downto 0); action : unsigned(2 downto 0))
     return std_logic_vector is
 
+    variable first  : std_logic_vector(2 downto 0);
     variable result : std_logic_vector(gates_of(five_level) - 1 downto 0);
 
   begin
 
+    first  := position;
     result := pattern_of(five_level, position);
 
     if (five_level) then
       result := (others => '0');
 
+      if (HAS_START_THROUGH) then
+        first  := START_THROUGH;
+        result := action_of(five_level, START_THROUGH, position, action - START_GROUPS'length);
+      end if;
+
       for i in START_GROUPS'range loop
         if (action = i) then
-          result := pattern_of(five_level, position) and START_GROUPS(i);
+          result := pattern_of(five_level, first) and START_GROUPS(i);
         end if;
       end loop;
 
@@ -276,19 +306,23 @@ package body gate_tables is
 
   function is_forbidden (five_level : boolean; gates : std_logic_vector) return std_logic is
 
-    variable s : std_logic_vector(gates'length - 1 downto 0);
+    variable s      : std_logic_vector(gates'length - 1 downto 0);
+    variable result : std_logic;
 
   begin
 
     s := gates;
 
     if (five_level) then
-      return (s(0) and s(1))                            -- S1, S2: upper half of the dc-link
-             or (s(2) and s(3))                         -- S3, S4: lower half
-             or (s(1) and s(2))                         -- S2, S3: phase capacitor, through D5 and D8
-             or (s(5) and s(6))                         -- S6, S7: phase capacitor
-             or (s(0) and s(3))                         -- S1, S4: 3/4 of the dc-link on S5 or S8
-             or ((s(0) or s(3)) and s(4) and s(7));     -- S5, S8: phase capacitor across one half
+      result := '0';
+
+      for i in FORBIDDEN'range loop
+        if ((s and FORBIDDEN(i)) = FORBIDDEN(i)) then
+          result := '1';
+        end if;
+      end loop;
+
+      return result;
     else
       return s(0) and s(1);
     end if;

@@ -20,11 +20,12 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.anpc5l_leg.all;
   use work.directmpc_math.all;
 
 entity band_comparator is
   generic (
-    FIVE_LEVEL : boolean := true -- true: there are phase capacitors and a neutral point
+    FIVE_LEVEL : boolean := true -- true: there is what the converter's package says, false: neither capacitors nor v_n
   );
   port (
     clk          : in    std_logic;                     -- rising edge
@@ -105,9 +106,12 @@ begin
       speed_1     <= beyond(omega_r, speed_limit);
       same_1      <= to_std_logic(is_alpha = last_alpha and is_beta = last_beta);
 
-      if (FIVE_LEVEL) then
+      if (FIVE_LEVEL and HAS_CAPACITORS) then
         capacitor_1 <= leaves(v_ph_a, v_ph_low, v_ph_high) or leaves(v_ph_b, v_ph_low, v_ph_high)
                        or leaves(v_ph_c, v_ph_low, v_ph_high) or to_std_logic(unsigned(v_ph_high) = HIGHEST);
+      end if;
+
+      if (FIVE_LEVEL and HAS_NEUTRAL) then
         neutral_1   <= beyond(v_n, v_n_limit);
       end if;
 

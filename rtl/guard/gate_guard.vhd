@@ -34,7 +34,7 @@ library work;
 
 entity gate_guard is
   generic (
-    FIVE_LEVEL      : boolean                  := true; -- true: ANPC legs of 8 gates, false: two-level legs of 2
+    FIVE_LEVEL      : boolean                  := true; -- true: legs of the converter's package, false: two-level ones
     LEAST_DEAD_TIME : positive range 1 to 4095 := 10    -- clocks; shorter dead times are raised to it
   );
   port (

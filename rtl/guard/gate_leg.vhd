@@ -19,7 +19,8 @@
 -- the rails last.  A goal before all gates are off is forgotten; gate_supervisor keeps stop up for dead and minimum
 -- times.
 --
--- Formats: positions as in gate_tables, of two-level legs bit 0 alone; times in clocks, at least 1, stable while the
+-- Formats: positions as in gate_tables, of two-level legs bit 0 alone; a code that is no position counts as one that
+-- differs in a bit; times in clocks, at least 1, stable while the
 -- leg is not stopped.
 -- Latency: gates move two clocks after decided when the leg has rested; one clock after stop, if one at a rail is on.
 -- Overflow: none; the counter stops at zero.
@@ -31,12 +32,13 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.anpc5l_leg.always_at_rail;
   use work.directmpc_math.all;
   use work.gate_tables.all;
 
 entity gate_leg is
   generic (
-    FIVE_LEVEL : boolean := true -- true: ANPC leg of 8 gates, false: two-level leg of 2
+    FIVE_LEVEL : boolean := true -- true: leg of the converter's package, false: two-level leg of 2 gates
   );
   port (
     clk       : in    std_logic;                                               -- rising edge
@@ -91,6 +93,7 @@ architecture rtl of gate_leg is
   signal waiting  : std_logic; -- the first gates, or a move, are still to begin
   signal forbidden : std_logic;
   signal over     : std_logic; -- the next action may be
+  signal aged     : std_logic; -- the last one is dead_time clocks old, if no gate at a rail is on
   signal dark     : std_logic; -- all gates are off
   signal going    : std_logic; -- a stop is under way, or begins
   signal lowered  : gates_t;   -- gates that its next step leaves on
@@ -102,8 +105,7 @@ architecture rtl of gate_leg is
 
 begin
 
-  offered <= goal when FIVE_LEVEL else
-             "00" & goal(0);
+  offered <= position_of(FIVE_LEVEL, goal);
   kept    <= asked when decided = '1' else
              accepted;
   legal   <= follows or not live;
@@ -129,14 +131,15 @@ begin
   lowered <= stop_of(FIVE_LEVEL, driven);
   wrong   <= is_forbidden(FIVE_LEVEL, lowered);
   upset   <= is_forbidden(FIVE_LEVEL, driven);
-  drop    <= at_rail(FIVE_LEVEL, driven) or (over and not dark);
+  drop    <= at_rail(FIVE_LEVEL, driven) or (aged and not dark);
   going   <= stop or not live;
   change  <= drop when going = '1' else
              act;
 
   -- a clock less: over is seen in the clock after the count
   pause <= std_logic_vector(unsigned(rest_time) - 1) when going = '0' and
-                                                          ((phase = STARTING and last_start(FIVE_LEVEL) = 0) or
+                                                          ((phase = STARTING and
+                                                            last_start(FIVE_LEVEL, accepted) = 0) or
                                                            (phase = ACTING and ends = '1')) else
            std_logic_vector(unsigned(dead_time) - 1);
 
@@ -150,6 +153,32 @@ begin
       clocks => pause,
       over   => over
     );
+
+  -- at rest some gate at a rail is on: over tells of actions alone
+  g_one_age : if not FIVE_LEVEL or ALWAYS_AT_RAIL generate
+    aged <= over;
+  end generate g_one_age;
+
+  g_own_age : if FIVE_LEVEL and not ALWAYS_AT_RAIL generate
+
+    signal dead_pause : std_logic_vector(TIME_WIDTH - 1 downto 0);
+
+  begin
+
+    dead_pause <= std_logic_vector(unsigned(dead_time) - 1);
+
+    i_age : entity work.countdown
+      generic map (
+        WIDTH => TIME_WIDTH
+      )
+      port map (
+        clk    => clk,
+        load   => change,
+        clocks => dead_pause,
+        over   => aged
+      );
+
+  end generate g_own_age;
 
   p_leg : process (clk) is
   begin
@@ -193,9 +222,9 @@ begin
           starts  <= '1';
           action  <= "001";
           further <= start_of(FIVE_LEVEL, accepted, "001");
-          ends    <= to_std_logic(last_start(FIVE_LEVEL) = 1);
+          ends    <= to_std_logic(last_start(FIVE_LEVEL, accepted) = 1);
 
-          if (last_start(FIVE_LEVEL) > 0) then
+          if (last_start(FIVE_LEVEL, accepted) > 0) then
             phase <= ACTING;
           end if;
         elsif (phase = RESTED) then
@@ -215,7 +244,7 @@ begin
 
           if (starts = '1') then
             further <= start_of(FIVE_LEVEL, target, action + 1);
-            ends    <= to_std_logic(action + 1 = last_start(FIVE_LEVEL));
+            ends    <= to_std_logic(action + 1 = last_start(FIVE_LEVEL, target));
           end if;
         end if;
       end if;

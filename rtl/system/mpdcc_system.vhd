@@ -34,6 +34,7 @@ library work;
   use work.directmpc_math.all;
   use work.directmpc_mpdcc_registers_pkg.all;
   use work.directmpc_system_registers_pkg.all;
+  use work.gate_tables.gates_of;
   use work.mpdcc_parameter_places.all;
 
 entity mpdcc_system is
@@ -85,7 +86,7 @@ entity mpdcc_system is
     flux_alpha     : out   std_logic_vector(15 downto 0); -- rotor flux, the observer's or psir_alpha, signed, 1/9000 pu
     flux_beta      : out   std_logic_vector(15 downto 0); -- likewise
     -- gates
-    gates          : out   std_logic_vector(23 downto 0); -- '1': on; S1 to S8 of a, b, c
+    gates          : out   std_logic_vector(3 * gates_of(true) - 1 downto 0); -- '1': on; S1 to S8 of a, b, c
     running        : out   std_logic;                     -- '1': gates follow decisions
     faults         : out   std_logic_vector(12 downto 0); -- latched, bits as in gate_tables
     -- AXI4-Lite, registers as docs/registers.md has them

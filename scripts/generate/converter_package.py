@@ -11,11 +11,12 @@ import contextlib
 import shutil
 import tempfile
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from directmpc.converter import MAX_POSITIONS, Converter
+from directmpc.converter import Converter
 from directmpc.mpdcc import program, tables
 from directmpc.mpdcc.coefficients import INDEX
 from scripts.generate import mpdcc_package
@@ -52,17 +53,12 @@ def _table(name: str, kind: str, rows: Sequence[Sequence[int]], comment: str) ->
     return [f"  -- {comment}", f"  constant {name} : {kind} := (", f"    {body}", "  );", ""]
 
 
-def _shown(leg: Converter) -> list[int]:
-    """Position that the row of a code shows; one that differs in a bit where a code is none."""
-    # a core that never sees a code needs no logic to tell it from the other one
-    shown = [s if s < leg.positions else leg.positions - 1 for s in range(4)]
-    return shown + [s if s < leg.positions else shown[s - 4] for s in range(4, MAX_POSITIONS)]
-
-
 def _leg(leg: Converter) -> list[str]:
     """Tables of a converter's leg; codes that are no position are as one that differs in a bit."""
-    shown = _shown(leg)
-    half_dc, neutral, capacitor = leg.half_dc[shown], leg.neutral[shown], leg.capacitor[shown]
+    shown = leg.position_of_code
+    half_dc, neutral, capacitor = (
+        table[list(shown)] for table in (leg.half_dc, leg.neutral, leg.capacitor)
+    )
     masks = [
         ("LINK_POSITIVE", half_dc > 0, "v_x contains +v_dc/2"),
         ("LINK_NEGATIVE", half_dc < 0, "v_x contains -v_dc/2"),
@@ -73,7 +69,7 @@ def _leg(leg: Converter) -> list[str]:
         ("CAPACITOR_CHARGE", capacitor < 0, "i > 0 charges the phase capacitor"),
         ("CAPACITOR_DISCHARGE", capacitor > 0, "i > 0 discharges it"),
     ]
-    nexts = leg.next_table[shown].tolist()
+    nexts = leg.next_table[list(shown)].tolist()
     counts = ", ".join(str(leg.next_count[s] - 1) for s in shown)
     lines = [
         "  subtype position_t is unsigned(2 downto 0);",
@@ -122,39 +118,153 @@ def _leg(leg: Converter) -> list[str]:
     return lines
 
 
-def _gates(on: Iterable[int]) -> str:
-    """Bit mask over the eight gates, S8 leftmost."""
-    return '"' + "".join("1" if gate in set(on) else "0" for gate in range(8, 0, -1)) + '"'
+def _gates(leg: Converter, on: Iterable[int]) -> str:
+    """Bit mask over the gates of a leg, the last one leftmost."""
+    return '"' + "".join("1" if n in set(on) else "0" for n in _numbers(leg)) + '"'
+
+
+def _numbers(leg: Converter) -> range:
+    """Gates of a leg, the last one first."""
+    return range(len(leg.switches), 0, -1)
+
+
+@dataclass(frozen=True)
+class Commutation:
+    """An order of single gates, and a cube of edges that takes it.
+
+    Attributes
+    ----------
+    care, value : str
+        In which bits origin and goal differ, then the origin: which count, and what they are.
+    gates : tuple of int
+        Gates in the order in which they change.
+    """
+
+    care: str
+    value: str
+    gates: tuple[int, ...]
+
+    def holds(self, edge: str) -> bool:
+        """Whether an edge, six bits, is in the cube."""
+        return all(c == "0" or v == e for c, v, e in zip(self.care, self.value, edge, strict=True))
+
+
+def commutations(leg: Converter) -> list[Commutation]:
+    """Orders of a converter's commutations; the first cube that holds an edge has its order.
+
+    Longer orders come first. Each cube is as wide as the orders behind it allow: edges that the
+    graph does not have are in any cube.
+    """
+    orders: dict[tuple[int, ...], list[str]] = {}
+    for s, row in enumerate(leg.next_positions):
+        for t in row:
+            if s != t:
+                gates = tuple(abs(action) for action in leg.commutation(s, t))
+                orders.setdefault(gates, []).append(f"{s ^ t:03b}{s:03b}")
+    listed = sorted(orders, key=lambda gates: (-len(gates), orders[gates]))
+    found: list[Commutation] = []
+    for place, gates in enumerate(listed):
+        others = [edge for behind in listed[place + 1 :] for edge in orders[behind]]
+        left = list(orders[gates])
+        while left:
+            cube = Commutation("111111", left[0], gates)
+            for bit in (2, 5, 1, 4, 0, 3):
+                wider = Commutation(cube.care[:bit] + "0" + cube.care[bit + 1 :], left[0], gates)
+                if not any(wider.holds(edge) for edge in others):
+                    cube = wider
+            found.append(cube)
+            left = [edge for edge in left if not cube.holds(edge)]
+    return found
 
 
 def _stops(leg: Converter) -> list[str]:
-    """How a leg goes off and comes on, as patterns of gates."""
-    rules = ",\n    ".join(
-        "(" + ", ".join(map(_gates, (rule.on, rule.off, {abs(rule.change)}))) + ")"
-        for rule in leg.stop_rules
-    )
-    groups = ",\n    ".join(map(_gates, leg.start_groups))
+    """How the gates of a leg change, as patterns of gates."""
+    moves = commutations(leg)
+    longest = max(len(move.gates) for move in moves)
+    # a row that never fits where there is none
+    rules = [(rule.on, rule.off, {abs(rule.change)}) for rule in leg.stop_rules] or [({1}, {1}, ())]
+    shown = [leg.gates[s] for s in leg.position_of_code]
+    kept = [move.gates + move.gates[-1:] * (longest - len(move.gates)) for move in moves]
+    width, at_rail = len(leg.switches), all(on & leg.stop_first for on in leg.gates)
     return [
-        "  subtype leg_gates_t is std_logic_vector(7 downto 0); -- S8 leftmost",
+        f"  constant GATES : positive := {width}; -- of a leg",
+        f"  constant POSITIONS : positive := {leg.positions}; -- of a leg",
         "",
-        f"  type stop_rules_t is array (0 to {len(leg.stop_rules) - 1}, 0 to 2) of leg_gates_t;",
+        f"  subtype leg_gates_t is std_logic_vector({width - 1} downto 0); -- S{width} leftmost",
+        "",
+        "  type codes_t is array (0 to 7) of std_logic_vector(2 downto 0);",
+        "  type patterns_t is array (0 to 7) of leg_gates_t;",
+        f"  type gate_sets_t is array (0 to {len(leg.forbidden) - 1}) of leg_gates_t;",
+        f"  type edges_t is array (0 to {len(moves) - 1}) of std_logic_vector(5 downto 0);",
+        f"  type lasts_t is array (0 to {len(moves) - 1}) of natural range 0 to 7;",
+        f"  type orders_t is array (0 to {len(moves) - 1}, 0 to {longest - 1}) of natural"
+        f" range 0 to {width - 1};",
+        f"  type stop_rules_t is array (0 to {len(rules) - 1}, 0 to 2) of leg_gates_t;",
         f"  type start_groups_t is array (0 to {len(leg.start_groups) - 1}) of leg_gates_t;",
         "",
-        "  -- gates at the rails: a stop turns them off at once",
-        f"  constant RAIL_GATES : leg_gates_t := {_gates(leg.stop_first)};",
+        "  -- position that each code stands for",
+        "  constant POSITION_OF_CODE : codes_t := (",
+        "    " + ", ".join(f'"{s:03b}"' for s in leg.position_of_code),
+        "  );",
+        "",
+        "  -- gates that are on in each position",
+        "  constant PATTERNS : patterns_t := (",
+        *_lines([", ".join(_gates(leg, on) for on in half) for half in (shown[:4], shown[4:])]),
+        "  );",
+        "",
+        "  -- gates that may never be on together: they short a source or overload a device",
+        "  constant FORBIDDEN : gate_sets_t := (",
+        "    " + _listed([_gates(leg, on) for on in leg.forbidden]),
+        "  );",
+        "",
+        "  -- commutations: the first row that fits has the order. It fits origin xor goal and",
+        "  -- origin, three bits each: which count, what they are; last action; gates, S1 is 0.",
+        "  constant MOVE_CARE : edges_t := (",
+        "    " + _listed([f'"{move.care}"' for move in moves]),
+        "  );",
+        "  constant MOVE_VALUE : edges_t := (",
+        "    " + _listed([f'"{move.value}"' for move in moves]),
+        "  );",
+        f"  constant MOVE_LAST : lasts_t := ({_listed([str(len(m.gates) - 1) for m in moves])});",
+        "  constant MOVE_GATES : orders_t := (",
+        *_lines(["(" + ", ".join(str(n - 1) for n in row) + ")" for row in kept]),
+        "  );",
+        "",
+        "  -- a stop turns these gates off at once",
+        f"  constant RAIL_GATES : leg_gates_t := {_gates(leg, leg.stop_first)};",
+        "",
+        "  -- each position has one of them on",
+        f"  constant ALWAYS_AT_RAIL : boolean := {str(at_rail).lower()};",
         "",
         "  -- steps of a stop: gates that are on, gates that are off, the gate that changes.",
         "  -- The first row that fits is taken; where none does, all gates go off.",
         "  constant STOP_RULES : stop_rules_t := (",
-        f"    {rules}",
+        *_lines([f"({_listed([_gates(leg, part) for part in rule])})" for rule in rules]),
         "  );",
         "",
-        "  -- steps of a start: which of a position's gates come on",
+        "  -- steps of a start: which gates of the position come on",
         "  constant START_GROUPS : start_groups_t := (",
-        f"    {groups}",
+        "    " + _listed([_gates(leg, on) for on in leg.start_groups]),
         "  );",
+        "",
+        "  -- a start goes to this position first, and on from there; false: to its own at once",
+        f"  constant HAS_START_THROUGH : boolean := {str(leg.start_through is not None).lower()};",
+        "  constant START_THROUGH : std_logic_vector(2 downto 0) :="
+        f' "{leg.start_through or 0:03b}";',
         "",
     ]
+
+
+def _listed(items: Sequence[str]) -> str:
+    """Elements of an aggregate; one alone has to be named."""
+    return ", ".join(items) if len(items) > 1 else f"0 => {items[0]}"
+
+
+def _lines(rows: Sequence[str]) -> list[str]:
+    """Rows of an aggregate, one a line."""
+    if len(rows) == 1:
+        return [f"    0 => {rows[0]}"]
+    return [f"    {row}," for row in rows[:-1]] + [f"    {rows[-1]}"]
 
 
 def text(name: str = tables.DEFAULT) -> str:
@@ -171,7 +281,7 @@ def text(name: str = tables.DEFAULT) -> str:
             "package anpc5l_leg is",
             "",
             *_leg(leg),
-            *(_stops(leg) if usual else ()),
+            *_stops(leg),
             "end package anpc5l_leg;",
             "",
         ]

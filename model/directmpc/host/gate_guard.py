@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from directmpc.converter import Converter, load
+from directmpc.converter import Converter, load, shipped
 
 #: Faults, bit 0 first.
 FAULTS: tuple[str, ...] = (
@@ -30,17 +30,22 @@ FAULTS: tuple[str, ...] = (
 TIME_HIGH = 2**12 - 1
 
 
-LEGS: dict[bool, Converter] = {True: load("anpc5l"), False: load("two_level")}
-"""Converters of the guard, by its parameter `five_level`."""
+LEGS: dict[bool | str, Converter] = {
+    True: load("anpc5l"),
+    False: load("two_level"),
+    **{name: load(name) for name in shipped()},
+}
+"""Converters of the guard, by its parameter `five_level`: as the generic of `gate_guard`, where
+true is the usual converter's leg, or by name."""
 
 
-def gates_of(five_level: bool, position: int) -> frozenset[int]:
+def gates_of(five_level: bool | str, position: int) -> frozenset[int]:
     """Gates that are on in a position.
 
     Parameters
     ----------
-    five_level : bool
-        A leg of the ANPC inverter; a two-level one otherwise.
+    five_level : bool or str
+        Key of `LEGS`.
     position : int
         0..7; of a two-level leg bit 0 counts alone: 1 connects the phase to the positive rail.
 
@@ -53,13 +58,13 @@ def gates_of(five_level: bool, position: int) -> frozenset[int]:
     return leg.gates[position % leg.positions]
 
 
-def commutation(five_level: bool, origin: int, goal: int) -> list[int]:
+def commutation(five_level: bool | str, origin: int, goal: int) -> list[int]:
     """Single-gate actions from one position to the next (order: docs/gate-guard.md).
 
     Parameters
     ----------
-    five_level : bool
-        A leg of the ANPC inverter; a two-level one otherwise.
+    five_level : bool or str
+        Key of `LEGS`.
     origin, goal : int
         Positions, 0..7 (two-level: 0, 1).
 
@@ -72,13 +77,13 @@ def commutation(five_level: bool, origin: int, goal: int) -> list[int]:
     return list(leg.commutation(origin % leg.positions, goal % leg.positions))
 
 
-def started(five_level: bool, position: int) -> tuple[frozenset[int], ...]:
+def started(five_level: bool | str, position: int) -> tuple[frozenset[int], ...]:
     """Gates that are on after each step of a start.
 
     Parameters
     ----------
-    five_level : bool
-        A leg of the ANPC inverter; a two-level one otherwise.
+    five_level : bool or str
+        Key of `LEGS`.
     position : int
         0..7 (two-level: 0, 1).
 
@@ -91,13 +96,13 @@ def started(five_level: bool, position: int) -> tuple[frozenset[int], ...]:
     return leg.start_steps(position % leg.positions)
 
 
-def stop_clocks(five_level: bool, dead_time: int) -> int:
+def stop_clocks(five_level: bool | str, dead_time: int) -> int:
     """Longest time from a cause at the ports to all gates off, in clocks.
 
     Parameters
     ----------
-    five_level : bool
-        ANPC legs; two-level ones otherwise.
+    five_level : bool or str
+        Key of `LEGS`.
     dead_time : int
         Dead time in force, clocks.
 
@@ -115,8 +120,8 @@ class Leg:
 
     Attributes
     ----------
-    five_level : bool
-        A leg of the ANPC inverter; a two-level one otherwise.
+    five_level : bool or str
+        Key of `LEGS`.
     goal, settled : int
         Position decided last, and the one that the last move begun leads to.
     on : set of int
@@ -133,7 +138,7 @@ class Leg:
         Clock in which gates changed last.
     """
 
-    five_level: bool
+    five_level: bool | str
     goal: int = 0
     settled: int = 0
     on: set[int] = field(default_factory=set)
@@ -385,7 +390,7 @@ def _beyond(value: int, limit: int) -> bool:
     return abs(value) > limit or limit >= HIGHEST_CURRENT
 
 
-def measurement_of(i: Inputs, counts: bool, five_level: bool = False) -> Measurement | None:
+def measurement_of(i: Inputs, counts: bool, five_level: bool | str = False) -> Measurement | None:
     """What begins its way in one clock.
 
     Parameters
@@ -394,8 +399,8 @@ def measurement_of(i: Inputs, counts: bool, five_level: bool = False) -> Measure
         Of this clock.
     counts : bool
         Whether it may let the gates come on.
-    five_level : bool
-        Whether there are phase capacitors.
+    five_level : bool or str
+        Key of `LEGS`.
 
     Returns
     -------
@@ -410,9 +415,10 @@ def measurement_of(i: Inputs, counts: bool, five_level: bool = False) -> Measure
     capacitors = (i.v_ph_a, i.v_ph_b, i.v_ph_c)
     high = i.v_ph_high
     outside = max(capacitors) > high or min(capacitors) < i.v_ph_low or high == HIGHEST_VOLTAGE
-    if five_level and outside:
+    leg = LEGS[five_level]
+    if leg.capacitor_nodes and outside:
         found.add("capacitor")
-    if five_level and _beyond(i.v_n, i.v_n_limit):
+    if leg.neutral_node and _beyond(i.v_n, i.v_n_limit):
         found.add("neutral_point")
     if _beyond(i.omega_r, i.speed_limit):
         found.add("over_speed")
@@ -424,13 +430,13 @@ class GateGuard:
 
     Parameters
     ----------
-    five_level : bool
-        ANPC legs; two-level ones otherwise.
+    five_level : bool or str
+        Key of `LEGS`.
     least_dead_time : int
         Clocks.
     """
 
-    def __init__(self, five_level: bool, least_dead_time: int) -> None:
+    def __init__(self, five_level: bool | str, least_dead_time: int) -> None:
         self.five_level = five_level
         self.least = least_dead_time
         self.now = 0
@@ -461,8 +467,8 @@ class GateGuard:
             would.
         """
         self.now += 1
-        mask = 7 if self.five_level else 1
-        now, goals = self.now, [p & mask for p in (i.position_a, i.position_b, i.position_c)]
+        codes = LEGS[self.five_level].position_of_code if self.five_level else (0, 1) * 4
+        now, goals = self.now, [codes[p] for p in (i.position_a, i.position_b, i.position_c)]
         wanted = bool(i.enable and self.primed and not self.faults and not i.rst)
         causes: set[str] = set()
         done = self.line[2]

@@ -15,7 +15,8 @@
 -- start; initiation interval of a node 18 clocks.
 -- Successors: the phases' lines without current and the neutral point without a phase do not move,
 -- so 13 lines remain, out 7 to 19 clocks after start; a node follows another after 16 clocks.
--- Without phase capacitors their lines are left out: 8 for a root, 7 for a successor, the rows out 9 and 6 clocks earlier.
+-- Without phase capacitors their lines are left out: 8 for a root, 7 for a successor; rows are out 9 and 6 clocks
+-- earlier.
 -- Without a neutral point its lines are left out too.
 -- Rule inwards (INWARDS, chosen with limits.outside_inwards): a line that starts outside and moves inwards
 -- has the length up to the bound on the other side, instead of none. What BASE_WIDTH bits do not hold has none.

@@ -7,7 +7,7 @@ from dataclasses import fields
 
 import cocotb
 
-from directmpc.host.gate_guard import FAULTS, GateGuard, Inputs
+from directmpc.host.gate_guard import FAULTS, LEGS, GateGuard, Inputs
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number
 from tb.rtl.guard.gate_guard.stimulus import early, life
 
@@ -25,11 +25,12 @@ async def every_clock(dut) -> None:
     five_level = given["FIVE_LEVEL"] == "true"
     rng = random.Random(given["seed"])
     board, clock = Scoreboard(), Clock(dut)
-    guard = GateGuard(five_level, int(given["LEAST_DEAD_TIME"]))
+    legs = given["converter"] or five_level
+    guard = GateGuard(legs, int(given["LEAST_DEAD_TIME"]))
     last: dict[str, int] = {}
     # each leg until it has stopped the guard that runs, and between them the guard that is off
     refusals, refused = [(0, True), (1, False), (1, True), (2, True)], 0
-    for n, (i, ports) in enumerate(early(life(rng, five_level, guard, given["clocks"]))):
+    for n, (i, ports) in enumerate(early(life(rng, legs, guard, given["clocks"]))):
         for name in NAMES:
             value = getattr(ports, name)
             if last.get(name) != value:
@@ -61,8 +62,14 @@ async def every_clock(dut) -> None:
         board.cover("running", int(guard.running))
         for fault in guard.faults - old:
             board.cover(f"{fault} {refused.bit_length() - 1}" if fault == "interlock" else fault)
-    of_anpc = ("illegal_edge", "capacitor", "neutral_point")
-    kinds = [f for f in FAULTS if f != "interlock" and (five_level or f not in of_anpc)]
+    leg = LEGS[legs]
+    found = {
+        "illegal_edge": len(leg.next_positions[0]) < leg.positions,
+        "capacitor": leg.capacitor_nodes,
+        "neutral_point": leg.neutral_node,
+        "interlock": False,
+    }
+    kinds = [fault for fault in FAULTS if found.get(fault, True)]
     kinds += [f"interlock {leg}" for leg in range(3)]
     board.finish(
         {"gates": given["clocks"] - 2}

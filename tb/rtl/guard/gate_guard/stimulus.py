@@ -6,8 +6,7 @@ import random
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from directmpc.host.gate_guard import GateGuard, Inputs
-from directmpc.mpdcc import inverter as anpc
+from directmpc.host.gate_guard import LEGS, GateGuard, Inputs
 from tb.helpers.scoreboard import word
 
 
@@ -26,7 +25,7 @@ def _with_positions(i: Inputs, of: Inputs) -> Inputs:
     return replace(i, position_a=of.position_a, position_b=of.position_b, position_c=of.position_c)
 
 
-def _settings(rng: random.Random, five_level: bool) -> dict[str, int]:
+def _settings(rng: random.Random, five_level: bool | str) -> dict[str, int]:
     """Times a drive can run with, or anything."""
     if rng.random() < 0.1:
         return {
@@ -45,7 +44,7 @@ def _settings(rng: random.Random, five_level: bool) -> dict[str, int]:
     }
 
 
-def _bands(rng: random.Random, i: Inputs, five_level: bool) -> Inputs:
+def _bands(rng: random.Random, i: Inputs, five_level: bool | str) -> Inputs:
     """Voltages and speed inside their bands or, seldom, beyond; currents that stand still."""
     names = ("v_ph_a", "v_ph_b", "v_ph_c", "v_n", "omega_r")
     found = dict(zip(names, (16_000, 16_000, 16_000, 0, 0), strict=True))
@@ -59,7 +58,9 @@ def _bands(rng: random.Random, i: Inputs, five_level: bool) -> Inputs:
     return replace(i, **found)
 
 
-def life(rng: random.Random, five_level: bool, guard: GateGuard, clocks: int) -> Iterator[Inputs]:
+def life(
+    rng: random.Random, five_level: bool | str, guard: GateGuard, clocks: int
+) -> Iterator[Inputs]:
     """Inputs clock by clock; reads the model's goals to know what is legal."""
     i = Inputs(
         current_limit=12_000,
@@ -128,8 +129,7 @@ def life(rng: random.Random, five_level: bool, guard: GateGuard, clocks: int) ->
             goals = [leg.goal for leg in guard.legs]
             for x in range(3):
                 if rng.random() < 0.5:
-                    choices = anpc.NEXT_POSITIONS[goals[x]] if five_level else (0, 1)
-                    goals[x] = int(rng.choice(choices))
+                    goals[x] = rng.choice(LEGS[five_level].next_positions[goals[x]])
                 if rng.random() < 0.01:
                     goals[x] = rng.randrange(8)
             i.position_a, i.position_b, i.position_c = goals

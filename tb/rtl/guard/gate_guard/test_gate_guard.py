@@ -1,6 +1,6 @@
 """Gate guard against its reference, clock by clock.
 
-Sweep: ANPC and two-level legs.
+Sweep: ANPC and two-level legs; legs of the package of each converter.
 Stimulus: a drive that runs, with enables, resets, trips, late, missing, illegal and hasty
 decisions, and settings that change at any time, to any value. The signal of a leg that its
 interlock has refused a pattern is set, for it never is by itself.
@@ -13,23 +13,28 @@ Does not prove: the safety properties by themselves, see test_gate_safety.
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 
+from directmpc.mpdcc import tables
+from scripts.generate import converter_package
 from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import altered
 from tb.helpers.simulation import Outcome, run
 
 
-def bench(five_level: bool, clocks: int, rtl: Path = RTL, *, every: bool = False) -> Outcome:
+def bench(
+    five_level: bool, clocks: int, rtl: Path = RTL, *, every: bool = False, converter: str = ""
+) -> Outcome:
     return run(
         "gate_guard",
         "tb.rtl.guard.gate_guard.bench_gate_guard",
         units=["gate_guard"],
         generics={"FIVE_LEVEL": "true" if five_level else "false", "LEAST_DEAD_TIME": 2},
-        arguments={"seed": 13, "clocks": clocks, "all": every},
+        arguments={"seed": 13, "clocks": clocks, "all": every, "converter": converter},
         rtl=rtl,
     )
 
@@ -40,8 +45,26 @@ def test_every_clock_is_the_reference_s(five_level: bool) -> None:
     assert found.checks["gates"] == 26_000 - 2
 
 
+@pytest.mark.parametrize("converter", [name for name in tables.NAMES if name != tables.DEFAULT])
+def test_the_package_of_a_converter_makes_its_guard(converter: str) -> None:
+    rtl = converter_package.rtl_of(converter)
+    found = bench(True, 26_000, rtl, every=True, converter=converter)
+    assert found.checks["gates"] == 26_000 - 2
+
+
+def test_a_slip_in_an_order_is_noticed(tmp_path: Path) -> None:
+    rtl = tmp_path / "rtl"
+    shutil.copytree(converter_package.rtl_of("npc3l"), rtl)
+    package = rtl / converter_package.PACKAGE.relative_to(RTL)
+    whole = package.read_text(encoding="utf-8")
+    assert "(3, 1)" in whole
+    package.write_text(whole.replace("(3, 1)", "(1, 3)"), encoding="utf-8")
+    with pytest.raises(CheckError, match=r"expected"):
+        bench(True, 16_000, rtl, converter="npc3l")
+
+
 FAULTS = {
-    "order": ("gate_tables", "(3, 7, 1, 2, 4, 0)", "(3, 1, 7, 2, 4, 0)"),
+    "order": ("anpc5l_leg", "(3, 7, 1, 2, 4, 0)", "(3, 1, 7, 2, 4, 0)"),
     "dead time": (
         "gate_leg",
         "std_logic_vector(unsigned(dead_time) - 1);",

@@ -99,5 +99,5 @@ def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
 
 def test_the_interlock_catches_a_wrong_order(tmp_path: Path) -> None:
     # S3 on before S2 is off never reaches the gates
-    rtl = altered(tmp_path, "gate_tables", "(3, 7, 1, 2, 4, 0)", "(3, 7, 2, 1, 4, 0)")
+    rtl = altered(tmp_path, "anpc5l_leg", "(3, 7, 1, 2, 4, 0)", "(3, 7, 2, 1, 4, 0)")
     assert short_bench(True, rtl, 6000).checks["violations"] > 5000
