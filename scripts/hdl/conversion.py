@@ -748,7 +748,7 @@ def cached(
     """The Verilog of a configuration, converted only when its sources or tools have changed."""
     generics = generics or {}
     files = sources.compile_order(top, sources.rtl_files(rtl))
-    std = std or sources.standard(files)
+    std = std or sources.standard(files, rtl)
     key = tools.digest(
         top,
         repr(sorted(generics.items())),

@@ -88,9 +88,9 @@ def is_wrapper(path: Path, rtl: Path = RTL) -> bool:
     return rtl in path.parents and path.relative_to(rtl).parts[0] in WRAPPER_ROOMS
 
 
-def standard(files: Iterable[Path]) -> str:
+def standard(files: Iterable[Path], rtl: Path = RTL) -> str:
     """Version of the language that some files need: 93 for the cores, 08 for what wraps them."""
-    return "08" if any(is_wrapper(path) for path in files) else "93"
+    return "08" if any(is_wrapper(path, rtl) for path in files) else "93"
 
 
 def entities(rtl: Path = RTL) -> dict[str, Path]:
