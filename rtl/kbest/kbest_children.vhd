@@ -26,11 +26,21 @@ entity kbest_children is
     rst           : in    std_logic;                    -- synchronous, active high
     load          : in    std_logic;                    -- '1': prepared is given, while busy is '0'
     prepared      : in    prepared_t;                   -- with load, stable for one more clock
+    node          : in    node_t;                       -- the node, with load, stable for one more clock
+    half          : in    std_logic;                    -- with load: half of the memories of its phases
+    place         : in    unsigned(1 downto 0);         -- with load: last bits of its stage's place
+    -- what belongs to a phase of the node
+    effect_at     : out   std_logic_vector(2 downto 0); -- half and phase
+    effect        : in    error_t;                      -- change of the error by v_ph - v_dc/4
+    share_at      : out   std_logic_vector(2 downto 0); -- half and phase
+    share         : in    prepared_phase_t;             -- the others
+    charge_at     : out   std_logic_vector(3 downto 0); -- place and phase
+    neutral       : in    voltage_t;                    -- what the charge of that phase takes from v_n
+    charge        : in    voltage_t;                    -- what it adds to v_ph
     alone         : in    std_logic;                    -- '1': with load: one child, that keeps, and free
     has_plan      : in    std_logic;                    -- '1': with load: planned node, not of the last stage
     plan          : in    code_t;                       -- code of the plan, with load
     first         : in    std_logic;                    -- '1': with load: the node is the first of its stage
-    parity        : in    std_logic;                    -- with load: of the node's stage
     settings      : in    settings_t;                   -- stable
     busy          : out   std_logic;                    -- '1': more children of the node follow
     state_valid   : out   std_logic;                    -- '1': a child's state is there
@@ -94,27 +104,28 @@ architecture rtl of kbest_children is
   signal moving    : std_logic;
   signal ending    : std_logic;    -- '1': no child follows
   signal positions : positions_t;
-  signal backwards : std_logic_vector(0 to 2); -- '1': the current of the phase is negative
   signal level     : factor_t;
   signal on_neutral : error_t;
-  signal on_phase  : errors_t;
+  signal my_half    : std_logic;
+  signal my_place   : unsigned(1 downto 0);
 
   -- behind the first register
   signal tags      : tags_t;
   signal loaded    : std_logic;    -- '1': take what the second register needs
   signal active    : prepared_t;   -- for the second register
+  signal before    : node_t;       -- the node
+  signal half_1    : std_logic;
+  signal place_1   : unsigned(1 downto 0);
   signal phase_1   : natural range 0 to 2;
   signal index_1   : natural range 0 to 2;
   signal moving_1  : std_logic;
   signal delta_1   : change_t;
-  signal effort_1  : unsigned(EFFORT_WIDTH + 1 downto 0);
 
   -- behind the second
   signal states   : node_t;
   signal places   : places_t;
   signal before_2 : node_t;
-  signal moved_2  : voltage_t;     -- v_ph of the phase that moves, and in front of the stage
-  signal from_2   : voltage_t;
+  signal from_2   : voltage_t;     -- v_ph of the phase that moves, in front of the stage
   signal move_2   : std_logic;
   signal long_2   : std_logic;
   signal cost_2   : wide_cost_t;
@@ -240,19 +251,16 @@ begin
       end if;
 
       if (load = '1') then
-        positions  <= prepared.node.positions;
-        level      <= prepared.stage.level;
+        positions  <= node.positions;
+        level      <= prepared.level;
         on_neutral <= prepared.on_neutral;
-        on_phase   <= prepared.on_phase;
-
-        for i in 0 to 2 loop
-          backwards(i) <= prepared.stage.phase(i)(VOLTAGE_WIDTH - 1);
-        end loop;
+        my_half    <= half;
+        my_place   <= place;
 
         running  <= '1';
         single   <= alone;
         is_first <= first;
-        of_stage <= parity;
+        of_stage <= place(0);
         code     <= (others => '0');
         phase    <= 0;
         index    <= 0;
@@ -266,7 +274,7 @@ begin
         split(plan, x, m);
 
         if (plan >= 1 and plan <= 9) then
-          if (m < count(prepared.node.positions(x))) then
+          if (m < count(node.positions(x))) then
             target <= plan;
           end if;
         end if;
@@ -283,6 +291,7 @@ begin
 
     variable s       : natural range 0 to 7;
     variable effort  : natural range 0 to 3;
+    variable more_effort : unsigned(EFFORT_WIDTH + 1 downto 0);
     variable t       : natural range 0 to 7;
     variable delta   : change_t;
     variable u       : wide_error_t;
@@ -329,41 +338,24 @@ begin
       delta    := adjusted(to_signed(0, change_t'length), resize(level, change_t'length),
                            moving and to_std_logic(LEVEL_STEP(s, index) > 0),
                            moving and to_std_logic(LEVEL_STEP(s, index) < 0));
-      delta    := adjusted(delta, resize(on_phase(phase), change_t'length),
+      delta    := adjusted(delta, resize(effect, change_t'length),
                            moving and to_std_logic(CAPACITOR_STEP(s, index) > 0),
                            moving and to_std_logic(CAPACITOR_STEP(s, index) < 0));
       delta_1  <= adjusted(delta, resize(on_neutral, change_t'length),
                            moving and to_std_logic(NEUTRAL_STEP(s, index) > 0),
                            moving and to_std_logic(NEUTRAL_STEP(s, index) < 0));
-      effort   := 0;
-
-      if (moving = '1') then
-        if (backwards(phase) = '1') then
-          effort := EFFORT_BACKWARDS(s, index);
-        else
-          effort := EFFORT_FORWARDS(s, index);
-        end if;
-      end if;
-
-      effort_1 <= (others => '0');
-
-      if (effort = 1) then
-        effort_1 <= resize(settings.effort, effort_1'length);
-      elsif (effort = 2) then
-        effort_1 <= shift_left(resize(settings.effort, effort_1'length), 1);
-      elsif (effort = 3) then
-        effort_1 <= shift_left(resize(settings.effort, effort_1'length), 1) + settings.effort;
-      end if;
+      half_1   <= my_half;
+      place_1  <= my_place;
 
       -- 2: its state
       if (loaded = '1') then
         active <= prepared;
+        before <= node;
       end if;
 
       tags(2 to LAST) <= tags(1 to LAST - 1);
-      child           := active.node;
-      child.d         := active.d;
-      s               := to_integer(active.node.positions(phase_1));
+      child           := before;
+      s               := to_integer(before.positions(phase_1));
       t               := NEIGHBOUR_OF(s, index_1);
 
       if (phase_1 = 0) then
@@ -374,15 +366,16 @@ begin
 
       w     := adjusted(active.keep_w, resize(delta_1, w'length), to_std_logic(phase_1 = 2),
                         to_std_logic(phase_1 = 1));
-      drawn := adjusted(active.drawn, resize(active.stage.neutral(phase_1), drawn'length),
+      drawn := adjusted(active.drawn, resize(neutral, drawn'length),
                         moving_1 and to_std_logic(DRAWN_STEP(s, index_1) < 0),
                         moving_1 and to_std_logic(DRAWN_STEP(s, index_1) > 0));
-      d     := adjusted(resize(active.node.d(phase_1), d'length), resize(active.stage.phase(phase_1), d'length),
+      d     := adjusted(resize(share.d, d'length), resize(charge, d'length),
                         to_std_logic(CHARGED_OF(t) > 0), to_std_logic(CHARGED_OF(t) < 0));
       flags := '0';
 
+      child.d := clip(d, VOLTAGE_WIDTH);
+
       if (moving_1 = '1') then
-        child.d(phase_1)         := clip(d, VOLTAGE_WIDTH);
         child.positions(phase_1) := to_unsigned(t, position_t'length);
         flags                    := overflows(d, VOLTAGE_WIDTH);
       end if;
@@ -396,17 +389,36 @@ begin
       places(2)       <= std_logic_vector(child.positions(0)) & std_logic_vector(child.positions(1))
                          & std_logic_vector(child.positions(2));
       tags(2).clipped <= flags;
-      before_2        <= active.node;
-      moved_2         <= clip(d, VOLTAGE_WIDTH);
-      from_2          <= active.node.d(phase_1);
+      before_2        <= before;
+      from_2          <= share.d;
       move_2          <= moving_1;
-      long_2          <= active.stage.long;
-      cost            := active.total + effort_1;
-      more            := active.ahead;
+      long_2          <= active.long;
+      effort := 0;
 
       if (moving_1 = '1') then
-        cost := cost - active.costs(phase_1);
-        more := more - active.aheads(phase_1);
+        if (charge(VOLTAGE_WIDTH - 1) = '1') then
+          effort := EFFORT_BACKWARDS(s, index_1);
+        else
+          effort := EFFORT_FORWARDS(s, index_1);
+        end if;
+      end if;
+
+      more_effort := (others => '0');
+
+      if (effort = 1) then
+        more_effort := resize(settings.effort, more_effort'length);
+      elsif (effort = 2) then
+        more_effort := shift_left(resize(settings.effort, more_effort'length), 1);
+      elsif (effort = 3) then
+        more_effort := shift_left(resize(settings.effort, more_effort'length), 1) + settings.effort;
+      end if;
+
+      cost := active.total + more_effort;
+      more := active.ahead;
+
+      if (moving_1 = '1') then
+        cost := cost - share.cost;
+        more := more - share.ahead;
       end if;
 
       cost_2  <= cost;
@@ -419,9 +431,9 @@ begin
       aheads_3(0)       <= ahead(states.u, before_2.u, long_2, 3, ERROR_AHEAD_SHIFT);
       aheads_3(1)       <= ahead(states.w, before_2.w, long_2, 3, ERROR_AHEAD_SHIFT);
       aheads_3(2)       <= ahead(states.v_n, before_2.v_n, long_2, 2, VOLTAGE_AHEAD_SHIFT);
-      aheads_3(3)       <= ahead(moved_2, from_2, long_2, 2, VOLTAGE_AHEAD_SHIFT);
+      aheads_3(3)       <= ahead(states.d, from_2, long_2, 2, VOLTAGE_AHEAD_SHIFT);
       over_n_3          <= excess(states.v_n, settings.bound_neutral);
-      over_p_3          <= excess(moved_2, settings.bound_phase);
+      over_p_3          <= excess(states.d, settings.bound_phase);
       move_3            <= move_2;
       long_3            <= long_2;
       cost_3            <= cost_2;
@@ -493,6 +505,10 @@ begin
     end if;
 
   end process p_children;
+
+  effect_at <= my_half & std_logic_vector(to_unsigned(phase, 2));
+  share_at  <= half_1 & std_logic_vector(to_unsigned(phase_1, 2));
+  charge_at <= std_logic_vector(place_1) & std_logic_vector(to_unsigned(phase_1, 2));
 
   state_valid  <= tags(2).valid;
   state        <= states;

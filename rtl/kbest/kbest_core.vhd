@@ -120,12 +120,21 @@ architecture rtl of kbest_core is
   signal m_iref_beta  : signed(15 downto 0);
   signal m_omega_s    : signed(15 downto 0);
   signal m_omega_r    : signed(15 downto 0);
-  signal deviations   : voltages_t;
+  signal m_v_ph       : std_logic_vector(47 downto 0); -- phase c on the left
 
   -- stage terms
   signal error_w     : error_t;
+  signal terms_begun : std_logic;
   signal terms_ready : std_logic;
-  signal terms_new   : stage_t;
+  signal terms_long  : std_logic;
+  signal node_at       : std_logic_vector(3 downto 0);
+  signal node_neutral  : voltage_t;
+  signal node_charge   : voltage_t;
+  signal child_at      : std_logic_vector(3 downto 0);
+  signal child_neutral : voltage_t;
+  signal child_charge  : voltage_t;
+  signal linear_at     : std_logic_vector(3 downto 0);
+  signal linear        : factor_t;
   signal terms_taken : std_logic;
   signal terms_clip  : std_logic;
 
@@ -148,6 +157,17 @@ architecture rtl of kbest_core is
   signal node_up    : std_logic;            -- '1': prepared is whole
   signal node_clip  : std_logic;
   signal prepared   : prepared_t;
+  signal half       : std_logic;
+  signal effect_at  : std_logic_vector(2 downto 0);
+  signal effect     : error_t;
+  signal share_at   : std_logic_vector(2 downto 0);
+  signal share      : prepared_phase_t;
+  signal node_long  : std_logic;
+  signal kept_long  : std_logic;
+  signal root       : std_logic;
+  signal root_phase : unsigned(1 downto 0);
+  signal root_at    : std_logic_vector(2 downto 0);
+  signal root_word  : voltage_t;
   signal p_place    : place_t;
   signal p_first    : std_logic;
   signal p_rank     : slot_t;
@@ -272,8 +292,17 @@ begin
       odd          => period,
       compensate   => compensate,
       error_w      => error_w,
+      begun        => terms_begun,
       ready        => terms_ready,
-      stage        => terms_new,
+      long         => terms_long,
+      node_at      => node_at,
+      node_neutral => node_neutral,
+      node_phase   => node_charge,
+      child_at     => child_at,
+      child_neutral => child_neutral,
+      child_phase  => child_charge,
+      linear_at    => linear_at,
+      linear       => linear,
       taken        => terms_taken,
       saturated    => terms_clip
     );
@@ -282,10 +311,10 @@ begin
   first_node.u         <= shift_left(resize(m_iref_alpha, ERROR_WIDTH) - m_is_alpha, VECTOR_SHIFT);
   first_node.w         <= error_w;
   first_node.v_n       <= shift_right(m_v_n, VOLTAGE_SHIFT);
-  first_node.d         <= deviations;
+  first_node.d         <= (others => '0'); -- all three are written apart
   first_node.cost      <= (others => '0');
   first_node.positions <= positions;
-  write_first          <= '1' when state = TERMS and terms_ready = '1' else
+  write_first          <= '1' when state = TERMS and terms_begun = '1' else
                           '0';
 
   -- the next node: the planned one as soon as it is there, the others when the list is whole
@@ -301,7 +330,7 @@ begin
              '1';
   f_slot  <= warm_slot when f_at = 0 and state = SEARCH else
              ranked;
-  read    <= '1' when state = BEST or (f_known = '1' and g_valid = '0') else
+  read    <= '1' when state = BEST or (f_known = '1' and g_valid = '0' and preparing = '0') else
              '0';
 
   name_read    <= LAST_PLACE(0) & std_logic_vector(f_slot) when state = BEST else
@@ -324,17 +353,44 @@ begin
 
   node : entity work.kbest_node
     port map (
-      clk       => clk,
-      rst       => rst,
-      start     => prepare,
-      node      => fetched,
-      fresh     => g_first,
-      stage     => terms_new,
-      settings  => settings,
-      done      => node_done,
-      prepared  => prepared,
-      saturated => node_clip
+      clk          => clk,
+      rst          => rst,
+      start        => prepare,
+      node         => fetched,
+      code         => unsigned(node_word(11 downto 8)),
+      parent       => unsigned(node_word(7 downto 4)),
+      rank         => g_rank(3 downto 0),
+      place        => g_place(1 downto 0),
+      long         => node_long,
+      coefficients => coefficients,
+      settings     => settings,
+      root         => root,
+      root_at      => root_at,
+      root_word    => root_word,
+      charge_at    => node_at,
+      neutral      => node_neutral,
+      charge       => node_charge,
+      linear_at    => linear_at,
+      linear       => linear,
+      done         => node_done,
+      prepared     => prepared,
+      half         => half,
+      effect_at    => effect_at,
+      effect       => effect,
+      share_at     => share_at,
+      share        => share,
+      saturated    => node_clip
     );
+
+  -- the first node's v_ph - v_dc/4, one phase after the other
+  root      <= '1' when state = TERMS and root_phase /= 3 else
+               '0';
+  root_at   <= not c_place(0) & std_logic_vector(root_phase);
+  root_word <= resize(shift_right(signed('0' & selected(m_v_ph, std_logic_vector(root_phase), 16) & '0')
+                                  - signed(resize(m_v_dc, 18)), VOLTAGE_SHIFT), VOLTAGE_WIDTH);
+
+  node_long <= terms_long when g_first = '1' else
+               kept_long;
 
   load       <= (node_done or node_up) and not busy_children;
   load_alone <= '1' when p_place = 0 else
@@ -350,11 +406,20 @@ begin
       rst           => rst,
       load          => load,
       prepared      => prepared,
+      node          => fetched,
+      half          => half,
+      place         => p_place(1 downto 0),
+      effect_at     => effect_at,
+      effect        => effect,
+      share_at      => share_at,
+      share         => share,
+      charge_at     => child_at,
+      neutral       => child_neutral,
+      charge        => child_charge,
       alone         => load_alone,
       has_plan      => load_plan,
       plan          => load_code,
       first         => p_first,
-      parity        => p_place(0),
       settings      => settings,
       busy          => busy_children,
       state_valid   => state_valid,
@@ -505,7 +570,6 @@ begin
 
   p_search : process (clk) is
 
-    variable wide : signed(17 downto 0);
     variable code : natural range 0 to 15;
     variable move : positions_t;
 
@@ -552,9 +616,10 @@ begin
         p_first   <= g_first;
         p_rank    <= g_rank(3 downto 0);
         p_lead    <= unsigned(node_word(3 downto 0));
+        kept_long <= node_long;
       end if;
 
-      if (state = SEARCH and f_known = '1' and g_valid = '0') then
+      if (state = SEARCH and f_known = '1' and g_valid = '0' and preparing = '0') then
         g_valid <= '1';
         g_place <= f_place;
         g_rank  <= f_at;
@@ -593,12 +658,8 @@ begin
             positions     <= (unsigned(s_prev_a), unsigned(s_prev_b), unsigned(s_prev_c));
             period        <= odd;
             flagged       <= '0';
-            wide          := signed('0' & v_ph_a & '0') - signed(resize(unsigned(v_dc), wide'length));
-            deviations(0) <= wide(VOLTAGE_SHIFT + VOLTAGE_WIDTH - 1 downto VOLTAGE_SHIFT);
-            wide          := signed('0' & v_ph_b & '0') - signed(resize(unsigned(v_dc), wide'length));
-            deviations(1) <= wide(VOLTAGE_SHIFT + VOLTAGE_WIDTH - 1 downto VOLTAGE_SHIFT);
-            wide          := signed('0' & v_ph_c & '0') - signed(resize(unsigned(v_dc), wide'length));
-            deviations(2) <= wide(VOLTAGE_SHIFT + VOLTAGE_WIDTH - 1 downto VOLTAGE_SHIFT);
+            m_v_ph        <= v_ph_c & v_ph_b & v_ph_a;
+            root_phase    <= (others => '0');
 
             c_place    <= to_unsigned(1, place_t'length);
             f_place    <= to_unsigned(1, place_t'length);
@@ -618,7 +679,11 @@ begin
           end if;
 
         when TERMS =>
-          if (terms_ready = '1') then
+          if (root = '1') then
+            root_phase <= root_phase + 1;
+          end if;
+
+          if (terms_begun = '1') then
             state <= SEARCH;
           end if;
 

@@ -1,7 +1,9 @@
 -- Prepares a node: what its children share, formed once (docs/specification.md, 10.2 and 10.7).
 --
--- Three multipliers work for four clocks: effects of the voltages and decay of the error; squares of
--- the phase capacitors' excess and of where they are going, for the child that keeps all positions.
+-- The phases come one after the other, so that one adder and a few multipliers serve all of them.  What belongs
+-- to a phase goes to small memories with two halves, one for each of two nodes; the children read it there.  A
+-- node's word has v_ph of one phase alone, the one that moved last; those of the other phases are in a memory
+-- where its parent has left them.
 -- Formats: see kbest_types.
 -- Latency: 8 clocks from start to done; prepared is stable until the next start.
 -- Overflow: words saturate; saturated says so in the clock of done.
@@ -18,66 +20,232 @@ library work;
 
 entity kbest_node is
   port (
-    clk       : in    std_logic;  -- rising edge
-    rst       : in    std_logic;  -- synchronous, active high
-    start     : in    std_logic;  -- '1' for one clock: node and stage are given
-    node      : in    node_t;     -- the node, sampled with start
-    fresh     : in    std_logic;  -- '1': with start: the node is the first of its stage
-    stage     : in    stage_t;    -- terms of its stage, sampled with start and fresh
-    settings  : in    settings_t; -- stable
-    done      : out   std_logic;  -- '1' for one clock: prepared is new
-    prepared  : out   prepared_t; -- the node with what its children share
-    saturated : out   std_logic   -- '1': a word has saturated
+    clk          : in    std_logic;                    -- rising edge
+    rst          : in    std_logic;                    -- synchronous, active high
+    start        : in    std_logic;                    -- '1' for one clock: a node is given
+    node         : in    node_t;                       -- the node, stable from start to done
+    code         : in    code_t;                       -- its code, stable from start to done
+    parent       : in    slot_t;                       -- rank of its parent, sampled with start
+    rank         : in    slot_t;                       -- its own rank, sampled with start
+    place        : in    unsigned(1 downto 0);         -- last bits of its stage's place, sampled with start
+    long         : in    std_logic;                    -- '1': its stage lasts two steps, sampled with start
+    coefficients : in    coefficients_t;               -- of the load
+    settings     : in    settings_t;                   -- stable
+    -- v_ph - v_dc/4 of the first node, written before its start as if its parent had rank 0
+    root         : in    std_logic;                    -- '1': a word is given
+    root_at      : in    std_logic_vector(2 downto 0); -- last bit of the parent's place, and phase
+    root_word    : in    voltage_t;                    -- the word
+    -- terms of the stage
+    charge_at    : out   std_logic_vector(3 downto 0); -- place and phase
+    neutral      : in    voltage_t;                    -- what the charge of that phase takes from v_n
+    charge       : in    voltage_t;                    -- what it adds to v_ph
+    linear_at    : out   std_logic_vector(3 downto 0); -- place and word
+    linear       : in    factor_t;                     -- that word
+    done         : out   std_logic;                    -- '1' for one clock: prepared is new
+    prepared     : out   prepared_t;                   -- what its children share
+    half         : out   std_logic;                    -- half of the memories below, with done
+    -- what belongs to a phase, for a node's children; an address has the half and a phase
+    effect_at    : in    std_logic_vector(2 downto 0); -- address
+    effect       : out   error_t;                      -- change of the error by v_ph - v_dc/4
+    share_at     : in    std_logic_vector(2 downto 0); -- address
+    share        : out   prepared_phase_t;             -- the others
+    saturated    : out   std_logic                     -- '1': a word has saturated
   );
 end entity kbest_node;
 
 architecture rtl of kbest_node is
 
-  type products_t is array (0 to 2) of signed(2 * FACTOR_WIDTH - 1 downto 0);
+  subtype phase_t is natural range 0 to 2;
 
-  type factors_t is array (0 to 2) of factor_t;
+  signal found     : prepared_t;
+  signal steps     : std_logic_vector(0 to 7);
+  signal own_rank  : slot_t;
+  signal own_place : unsigned(1 downto 0);
+  signal own_half  : std_logic;
+  signal phase     : phase_t;   -- whose voltage is in d
+  signal d         : voltage_t; -- v_ph - v_dc/4 in front of the stage
+  signal now       : voltage_t; -- behind it
+  signal before    : voltage_t; -- in front of it
+  signal on_phase  : error_t;
+  signal change    : change_t;  -- of the error by the voltage of a phase
+  signal base_u    : wide_error_t; -- error with drift and decay
+  signal base_w    : wide_error_t;
+  signal sum_u     : wide_error_t; -- of the voltages
+  signal sum_w     : wide_error_t;
+  signal a_0       : factor_t;
+  signal b_0       : factor_t;
+  signal a_1       : voltage_t;
+  signal b_1       : factor_t;
+  signal a_2       : signed(ERROR_WIDTH - SQUARED_SHIFT - 1 downto 0);
+  signal b_2       : factor_t;
+  signal product_0 : signed(2 * FACTOR_WIDTH - 1 downto 0);
+  signal product_1 : signed(VOLTAGE_WIDTH + FACTOR_WIDTH - 1 downto 0);
+  signal product_2 : signed(ERROR_WIDTH - SQUARED_SHIFT + FACTOR_WIDTH - 1 downto 0);
+  signal cost      : wide_cost_t;
+  signal ahead_of  : ahead_cost_t;
+  signal clipped   : std_logic;
 
-  signal found    : prepared_t;
-  signal steps    : std_logic_vector(0 to 7);
-  signal change   : change_t;     -- of the error by the voltage of a phase
-  signal base_u   : wide_error_t; -- error with drift and decay
-  signal base_w   : wide_error_t;
-  signal sum_u    : wide_error_t; -- of the voltages
-  signal sum_w    : wide_error_t;
-  signal a        : factors_t;
-  signal b        : factors_t;
-  signal products : products_t;
-  signal clipped  : std_logic;
+  signal kept_write   : std_logic;
+  signal kept_address : std_logic_vector(8 downto 0);
+  signal kept_word    : std_logic_vector(VOLTAGE_WIDTH - 1 downto 0);
+  signal kept_read    : std_logic_vector(8 downto 0);
+  signal kept         : std_logic_vector(VOLTAGE_WIDTH - 1 downto 0);
+  signal d_write      : std_logic;
+  signal d_address    : std_logic_vector(2 downto 0);
+  signal d_word       : std_logic_vector(VOLTAGE_WIDTH - 1 downto 0);
+  signal late_write   : std_logic;
+  signal late_address : std_logic_vector(2 downto 0);
+  signal late_word    : std_logic_vector(SHARE_WIDTH - 1 downto 0);
+  signal late_read    : std_logic_vector(SHARE_WIDTH - 1 downto 0);
+  signal effect_word  : std_logic_vector(ERROR_WIDTH - 1 downto 0);
 
   -- product as a change of an error
-  function effect (product : signed) return error_t is
+  function effect_of (product : signed) return error_t is
   begin
 
     return resize(shift_right(product, FORCED_FRACTION), ERROR_WIDTH);
 
-  end function effect;
+  end function effect_of;
 
   -- product as a decay of an error
   function decay_of (product : signed) return error_t is
-
-    constant SHIFT : natural := FRACTION - SQUARED_SHIFT;
-
   begin
 
-    return resize(shift_right(product, SHIFT), ERROR_WIDTH);
+    return resize(shift_right(product, FRACTION - SQUARED_SHIFT), ERROR_WIDTH);
 
   end function decay_of;
 
+  -- a phase that is handled so many clocks behind steps(0)
+  function phase_of (bits : std_logic_vector(0 to 7); later : natural) return phase_t is
+  begin
+
+    if (bits(later) = '1') then
+      return 0;
+    elsif (bits(later + 1) = '1') then
+      return 1;
+    end if;
+
+    return 2;
+
+  end function phase_of;
+
+  function bits_of (x : phase_t) return std_logic_vector is
+  begin
+
+    return std_logic_vector(to_unsigned(x, 2));
+
+  end function bits_of;
+
 begin
+
+  phase <= phase_of(steps, 0);
+
+  charge_at <= std_logic_vector(own_place) & bits_of(phase);
+  linear_at <= std_logic_vector(own_place) & "10" when steps(2) = '1' else
+               std_logic_vector(own_place) & "01" when steps(5) = '1' else
+               std_logic_vector(own_place) & "11";
+
+  -- voltages of the phases that have not moved; read a clock ahead
+  kept_write   <= root or steps(1) or steps(2) or steps(3);
+  kept_address <= "00" & root_at(2) & x"0" & root_at(1 downto 0) when root = '1' else
+                  "00" & own_place(0) & std_logic_vector(own_rank) & bits_of(phase_of(steps, 1));
+  kept_word    <= std_logic_vector(root_word) when root = '1' else
+                  std_logic_vector(now);
+  kept_read    <= "00" & not place(0) & std_logic_vector(parent) & "00" when start = '1' else
+                  "00" & not own_place(0) & std_logic_vector(parent) & "01" when steps(0) = '1' else
+                  "00" & not own_place(0) & std_logic_vector(parent) & "10";
+
+  i_kept : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 9,
+      WIDTH         => VOLTAGE_WIDTH,
+      LATENCY       => 1,
+      STYLE         => "block"
+    )
+    port map (
+      clk           => clk,
+      write         => kept_write,
+      write_address => kept_address,
+      write_word    => kept_word,
+      read          => '1',
+      read_address  => kept_read,
+      read_word     => kept
+    );
+
+  d <= node.d when (code >= 1 and code <= 3 and phase = 0) or (code >= 4 and code <= 6 and phase = 1)
+                   or (code >= 7 and phase = 2) else
+       signed(kept);
+
+  cost     <= cost_of(unsigned(product_1(2 * EXCESS_WIDTH - 1 downto 0)), EXCESS_SHIFT, settings.weight_phase,
+                      found.long);
+  ahead_of <= resize(shift_right(unsigned(product_2(2 * AHEAD_WIDTH - 1 downto 0)), CAPACITOR_AHEAD_SHIFT),
+                     ahead_cost_t'length);
+
+  -- what belongs to the phases
+  d_write      <= steps(0) or steps(1) or steps(2);
+  d_address    <= own_half & bits_of(phase);
+  d_word       <= std_logic_vector(d);
+  late_write   <= steps(3) or steps(4) or steps(5);
+  late_address <= own_half & bits_of(phase_of(steps, 3));
+  late_word    <= std_logic_vector(cost(SHARE_COST_WIDTH - 1 downto 0))
+                  & std_logic_vector(ahead_of(SHARE_AHEAD_WIDTH - 1 downto 0));
+
+  i_d : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 3,
+      WIDTH         => VOLTAGE_WIDTH,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => d_write,
+      write_address => d_address,
+      write_word    => d_word,
+      read          => '1',
+      read_address  => share_at,
+      signed(read_word) => share.d
+    );
+
+  i_late : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 3,
+      WIDTH         => SHARE_WIDTH,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => late_write,
+      write_address => late_address,
+      write_word    => late_word,
+      read          => '1',
+      read_address  => share_at,
+      read_word     => late_read
+    );
+
+  i_effect : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 3,
+      WIDTH         => ERROR_WIDTH,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => late_write,
+      write_address => late_address,
+      write_word    => std_logic_vector(on_phase),
+      read          => '1',
+      read_address  => effect_at,
+      read_word     => effect_word
+    );
 
   p_prepare : process (clk) is
 
+    variable s     : natural range 0 to 7;
     variable wide  : signed(VOLTAGE_WIDTH downto 0);
-    variable drawn : signed(VOLTAGE_WIDTH + 2 downto 0);
-    variable terms : stage_t;
-    variable flags : std_logic;
-    variable cost  : wide_cost_t;
-    variable more  : ahead_cost_t;
+    variable drawn : drawn_t;
 
   begin
 
@@ -85,108 +253,99 @@ begin
       steps     <= start & steps(0 to 6);
       saturated <= '0';
 
-      for i in 0 to 2 loop
-        products(i) <= a(i) * b(i);
-      end loop;
+      product_0 <= a_0 * b_0;
+      product_1 <= a_1 * b_1;
+      product_2 <= a_2 * b_2;
 
       if (start = '1') then
-        found.node <= node;
-        terms      := found.stage;
-
-        if (fresh = '1') then
-          terms := stage;
-        end if;
-
-        found.stage <= terms;
-        flags       := '0';
-        drawn       := resize(node.v_n, drawn'length);
-
-        for x in 0 to 2 loop
-          wide       := resize(node.d(x), wide'length)
-                        + resize(times(terms.phase(x), CHARGED_OF(to_integer(node.positions(x)))), wide'length);
-          found.d(x) <= clip(wide, VOLTAGE_WIDTH);
-          flags      := flags or overflows(wide, VOLTAGE_WIDTH);
-          drawn      := drawn
-                        - resize(times(terms.neutral(x), DRAWN_OF(to_integer(node.positions(x)))), drawn'length);
-        end loop;
-
-        found.drawn <= drawn;
-        clipped     <= flags;
+        own_rank   <= rank;
+        own_place  <= place;
+        own_half   <= not own_half;
+        found.long <= long;
+        clipped    <= '0';
       end if;
 
-      -- operands: v_n and two of v_ph; the third; decay of the error, beside the squares
+      -- the voltages behind the stage, a phase in each of three clocks
+      s      := to_integer(node.positions(phase));
+      wide   := adjusted(resize(d, wide'length), resize(charge, wide'length), to_std_logic(CHARGED_OF(s) > 0),
+                         to_std_logic(CHARGED_OF(s) < 0));
+      now    <= clip(wide, VOLTAGE_WIDTH);
+      before <= d;
+      drawn  := found.drawn;
+
       if (steps(0) = '1') then
-        a(0) <= resize(found.node.v_n, FACTOR_WIDTH);
-        a(1) <= resize(found.node.d(0), FACTOR_WIDTH);
-        a(2) <= resize(found.node.d(1), FACTOR_WIDTH);
-
-        for i in 0 to 2 loop
-          b(i) <= found.stage.forced;
-        end loop;
-      elsif (steps(1) = '1') then
-        a(0) <= resize(found.node.d(2), FACTOR_WIDTH);
-      elsif (steps(2) = '1') then
-        a(0) <= resize(shift_right(found.node.w, SQUARED_SHIFT), FACTOR_WIDTH);
-        b(0) <= found.stage.decay;
-      else
-        a(0) <= resize(shift_right(found.node.u, SQUARED_SHIFT), FACTOR_WIDTH);
+        drawn := resize(node.v_n, drawn'length);
       end if;
 
-      for x in 0 to 2 loop
-        if (steps(x + 1) = '1') then
-          a(1) <= excess(found.d(x), settings.bound_phase);
-          b(1) <= excess(found.d(x), settings.bound_phase);
-          a(2) <= resize(ahead(found.d(x), found.node.d(x), found.stage.long, 2, VOLTAGE_AHEAD_SHIFT),
-                         FACTOR_WIDTH);
-          b(2) <= resize(ahead(found.d(x), found.node.d(x), found.stage.long, 2, VOLTAGE_AHEAD_SHIFT), FACTOR_WIDTH);
+      if (steps(0) = '1' or steps(1) = '1' or steps(2) = '1') then
+        found.drawn <= adjusted(drawn, resize(neutral, drawn'length), '0', to_std_logic(DRAWN_OF(s) > 0));
+        clipped     <= clipped or overflows(wide, VOLTAGE_WIDTH);
+      end if;
+
+      if (steps(1) = '1') then
+        found.level <= linear;
+      end if;
+
+      -- operands: the effects of the voltages, beside them the decay of w; squares, beside them the decay of u
+      a_0 <= resize(d, FACTOR_WIDTH);
+      b_0 <= coefficients.forced_1;
+
+      if (found.long = '1') then
+        b_0 <= coefficients.forced_2;
+      end if;
+
+      b_1 <= coefficients.forced_1;
+      b_2 <= coefficients.decay_1;
+
+      if (found.long = '1') then
+        b_1 <= coefficients.forced_2;
+        b_2 <= coefficients.decay_2;
+      end if;
+
+      a_1 <= node.v_n;
+      a_2 <= node.w(ERROR_WIDTH - 1 downto SQUARED_SHIFT);
+
+      if (steps(3) = '1') then
+        a_0 <= resize(shift_right(node.u, SQUARED_SHIFT), FACTOR_WIDTH);
+        b_0 <= coefficients.decay_1;
+
+        if (found.long = '1') then
+          b_0 <= coefficients.decay_2;
         end if;
-      end loop;
+      end if;
+
+      if (steps(0) = '0') then
+        a_1 <= resize(excess(now, settings.bound_phase), VOLTAGE_WIDTH);
+        b_1 <= excess(now, settings.bound_phase);
+        a_2 <= resize(ahead(now, before, found.long, 2, VOLTAGE_AHEAD_SHIFT), a_2'length);
+        b_2 <= resize(ahead(now, before, found.long, 2, VOLTAGE_AHEAD_SHIFT), b_2'length);
+      end if;
 
       -- results
+      on_phase <= effect_of(product_0);
+
       if (steps(2) = '1') then
-        found.on_neutral  <= effect(products(0));
-        found.on_phase(0) <= effect(products(1));
-        found.on_phase(1) <= effect(products(2));
+        found.on_neutral <= effect_of(product_1);
+        base_w           <= resize(node.w, base_w'length) + linear - decay_of(product_2);
       end if;
 
       if (steps(3) = '1') then
-        found.on_phase(2) <= effect(products(0));
-      end if;
-
-      cost := cost_of(unsigned(products(1)(2 * EXCESS_WIDTH - 1 downto 0)), EXCESS_SHIFT, settings.weight_phase,
-                      found.stage.long);
-      more := resize(shift_right(unsigned(products(2)(2 * AHEAD_WIDTH - 1 downto 0)), CAPACITOR_AHEAD_SHIFT),
-                     ahead_cost_t'length);
-
-      for x in 0 to 2 loop
-        if (steps(x + 3) = '1') then
-          found.costs(x)  <= cost;
-          found.aheads(x) <= more;
-        end if;
-      end loop;
-
-      if (steps(3) = '1') then
-        found.total <= found.node.cost + cost;
-        found.ahead <= more;
+        found.total <= node.cost + cost;
+        found.ahead <= ahead_of;
       elsif (steps(4) = '1' or steps(5) = '1') then
         found.total <= found.total + cost;
-        found.ahead <= found.ahead + more;
+        found.ahead <= found.ahead + ahead_of;
       end if;
 
       -- effects of the phases, one after the other
-      for x in 0 to 2 loop
-        if (steps(x + 3) = '1') then
-          change <= change_of(found.node.positions(x), found.stage.level, found.on_neutral, found.on_phase(x));
-        end if;
-      end loop;
+      change <= change_of(node.positions(phase_of(steps, 3)), found.level, found.on_neutral, on_phase);
 
       if (steps(4) = '1') then
-        base_w <= resize(found.node.w, base_w'length) + found.stage.drift_w - decay_of(products(0));
-        sum_u  <= -shift_left(resize(change, sum_u'length), 1);
+        sum_u <= -shift_left(resize(change, sum_u'length), 1);
       end if;
 
       if (steps(5) = '1') then
-        base_u <= resize(found.node.u, base_u'length) + found.stage.drift_u - decay_of(products(0));
+        base_u <= resize(node.u, base_u'length) + linear - decay_of(product_0);
         sum_u  <= sum_u + change;
         sum_w  <= base_w - change;
       end if;
@@ -198,13 +357,18 @@ begin
       end if;
 
       if (rst = '1') then
-        steps <= (others => '0');
+        steps    <= (others => '0');
+        own_half <= '0';
       end if;
     end if;
 
   end process p_prepare;
 
-  done     <= steps(7);
-  prepared <= found;
+  done        <= steps(7);
+  prepared    <= found;
+  half        <= own_half;
+  effect      <= signed(effect_word);
+  share.cost  <= resize(unsigned(late_read(SHARE_WIDTH - 1 downto SHARE_AHEAD_WIDTH)), wide_cost_t'length);
+  share.ahead <= resize(unsigned(late_read(SHARE_AHEAD_WIDTH - 1 downto 0)), ahead_cost_t'length);
 
 end architecture rtl;

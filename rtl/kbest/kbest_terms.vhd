@@ -5,8 +5,8 @@
 -- drift of one step at k, and the first error.  A part for a stage of one step and one for a stage of two turn
 -- reference and drift by a step at a time.
 -- Formats: as directmpc.kbest.formats has them.
--- Latency: 54 from start to the first stage; from taken to ready 30 for a stage of one
--- step and 37 for one of two, 13 more where it is taken at once.
+-- Latency: 51 clocks from start to ready of the first stage; from taken to ready 27 for a stage of one step and 34
+-- for one of two, up to 14 more where the stage before is taken at once.
 -- Overflow: words saturate; saturated says so for one clock.
 -- Licence: Apache-2.0
 
@@ -37,9 +37,19 @@ entity kbest_terms is
     odd          : in    std_logic;            -- '1': the period is an odd one
     compensate   : in    std_logic;            -- '1': a stage of one step comes in front of the first
     error_w      : out   error_t;              -- the first error's w
-    ready        : out   std_logic;            -- '1': stage is the next one, stable until taken
-    stage        : out   stage_t;              -- terms of that stage
-    taken        : in    std_logic;            -- '1': the stage is taken, go on with the one behind it
+    begun        : out   std_logic;            -- '1' for one clock: error_w is there
+    ready        : out   std_logic;            -- '1': the next stage's words are there
+    long         : out   std_logic;            -- with ready: '1': that stage lasts two steps
+    -- words of the last four stages; an address has a stage's place, its last two bits, and a phase or a linear_t
+    node_at      : in    std_logic_vector(3 downto 0); -- place and phase
+    node_neutral : out   voltage_t;            -- what the charge of the phase takes from v_n
+    node_phase   : out   voltage_t;            -- what it adds to v_ph
+    child_at     : in    std_logic_vector(3 downto 0); -- place and phase
+    child_neutral : out  voltage_t;            -- what the charge of the phase takes from v_n
+    child_phase  : out   voltage_t;            -- what it adds to v_ph
+    linear_at    : in    std_logic_vector(3 downto 0); -- place and 1 drift_u, 2 drift_w, 3 level
+    linear       : out   factor_t;             -- that word
+    taken        : in    std_logic;            -- '1': with ready: go on with the stage behind it
     saturated    : out   std_logic             -- '1': a word has saturated
   );
 end entity kbest_terms;
@@ -159,14 +169,14 @@ architecture rtl of kbest_terms is
     (DRIFT_W, B_ONE, false, true, NOT_YET, 0),
     (DRIFT_W, LESS, false, false, NOT_YET, 0),
     (DRIFT_U, SINE_W, true, false, TO_A, a_word_t'pos(LATER_W)),
-    (HALF_A, C_NEUTRAL, false, true, NOT_YET, 0),
-    (HALF_B, C_NEUTRAL, false, false, OUTSIDE, out_word_t'pos(OUT_NEUTRAL_C)),
     (DRIFT_U, B_ONE, false, true, NOT_YET, 0),
     (LATER_U, B_ONE, false, false, NOT_YET, 0),
     (DRIFT_U, C_DECAY, false, false, OUTSIDE, out_word_t'pos(OUT_DRIFT_U)),
     (DRIFT_W, B_ONE, false, true, NOT_YET, 0),
     (LATER_W, B_ONE, false, false, NOT_YET, 0),
     (DRIFT_W, C_DECAY, false, false, OUTSIDE, out_word_t'pos(OUT_DRIFT_W)),
+    (HALF_A, C_NEUTRAL, false, true, NOT_YET, 0),
+    (HALF_B, C_NEUTRAL, false, false, OUTSIDE, out_word_t'pos(OUT_NEUTRAL_C)),
     (HALF_A, C_CAPACITOR, false, true, NOT_YET, 0),
     (HALF_B, C_CAPACITOR, false, false, OUTSIDE, out_word_t'pos(OUT_PHASE_C)),
     -- its second step, where the pairs have changed places
@@ -250,7 +260,7 @@ architecture rtl of kbest_terms is
   signal ordered : std_logic;            -- '1': the next stage is wanted
   signal place   : unsigned(5 downto 0); -- stage that is computed, one more than its index
   signal odd_n   : unsigned(0 downto 0);
-  signal long    : std_logic;
+  signal long_i  : std_logic; -- '1': the stage that is computed lasts two steps
   signal flip    : std_logic;            -- '1': the pairs of A have changed places
   signal row     : std_logic_vector(ROW_WIDTH - 1 downto 0);
   signal valid   : std_logic;            -- of row
@@ -268,14 +278,25 @@ architecture rtl of kbest_terms is
   signal tags    : tags_t;
   signal write_a : std_logic;
   signal write_b : std_logic;
-  signal stage_i : stage_t;
+  signal charge  : signed(SUM_WIDTH - FRACTION downto 0);
+  signal amount  : std_logic_vector(VOLTAGE_WIDTH - 1 downto 0);
+  signal leaving : std_logic;
+  signal out_at  : std_logic_vector(3 downto 0);
+  signal write_linear  : std_logic;
+  signal write_neutral : std_logic;
+  signal write_phase   : std_logic;
+  signal linear_word        : std_logic_vector(FACTOR_WIDTH - 1 downto 0);
+  signal node_neutral_word  : std_logic_vector(VOLTAGE_WIDTH - 1 downto 0);
+  signal node_phase_word    : std_logic_vector(VOLTAGE_WIDTH - 1 downto 0);
+  signal child_neutral_word : std_logic_vector(VOLTAGE_WIDTH - 1 downto 0);
+  signal child_phase_word   : std_logic_vector(VOLTAGE_WIDTH - 1 downto 0);
   signal ready_i : std_logic;
 
 begin
 
   -- '1' from the first stage of two steps on; place 0 is the one in front of the first
   odd_n(0) <= odd;
-  long     <= '0' when place + odd_n < resize(short, place'length) + 1 else
+  long_i     <= '0' when place + odd_n < resize(short, place'length) + 1 else
               '1';
 
   i_rows : entity work.ram
@@ -339,15 +360,108 @@ begin
   write_a <= tags(3).valid and tags(3).to_a;
   write_b <= tags(3).valid and tags(3).to_b;
 
+  -- what goes out: the upper two bits of the place tell neutral, phase and linear apart
+  charge <= shift_left(resize(result, charge'length), 1) when long_i = '1' else
+            resize(result, charge'length);
+  amount <= std_logic_vector(clip(charge, VOLTAGE_WIDTH));
+
+  leaving       <= tags(3).valid and tags(3).outside;
+  write_linear  <= leaving and to_std_logic(tags(3).place(3 downto 2) = "00");
+  write_neutral <= leaving and to_std_logic(tags(3).place(3 downto 2) = "01");
+  write_phase   <= leaving and tags(3).place(3);
+  out_at        <= std_logic_vector(place(1 downto 0)) & std_logic_vector(tags(3).place(1 downto 0));
+
+  i_linear : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 4,
+      WIDTH         => FACTOR_WIDTH,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => write_linear,
+      write_address => out_at,
+      write_word    => word,
+      read          => '1',
+      read_address  => linear_at,
+      read_word     => linear_word
+    );
+
+  i_node_neutral : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 4,
+      WIDTH         => VOLTAGE_WIDTH,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => write_neutral,
+      write_address => out_at,
+      write_word    => amount,
+      read          => '1',
+      read_address  => node_at,
+      read_word     => node_neutral_word
+    );
+
+  i_node_phase : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 4,
+      WIDTH         => VOLTAGE_WIDTH,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => write_phase,
+      write_address => out_at,
+      write_word    => amount,
+      read          => '1',
+      read_address  => node_at,
+      read_word     => node_phase_word
+    );
+
+  i_child_neutral : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 4,
+      WIDTH         => VOLTAGE_WIDTH,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => write_neutral,
+      write_address => out_at,
+      write_word    => amount,
+      read          => '1',
+      read_address  => child_at,
+      read_word     => child_neutral_word
+    );
+
+  i_child_phase : entity work.ram
+    generic map (
+      ADDRESS_WIDTH => 4,
+      WIDTH         => VOLTAGE_WIDTH,
+      LATENCY       => 0,
+      STYLE         => "distributed"
+    )
+    port map (
+      clk           => clk,
+      write         => write_phase,
+      write_address => out_at,
+      write_word    => amount,
+      read          => '1',
+      read_address  => child_at,
+      read_word     => child_phase_word
+    );
+
   p_run : process (clk) is
-
-    variable charge : signed(result'high + 1 downto 0);
-    variable x      : natural range 0 to 3;
-
   begin
 
     if rising_edge(clk) then
       saturated <= '0';
+      begun     <= '0';
 
       -- rows
       valid  <= running;
@@ -356,7 +470,7 @@ begin
       if (running = '1') then
         counter <= counter + 1;
 
-        if (counter = SHORT_FROM - 1 and long = '1') then
+        if (counter = SHORT_FROM - 1 and long_i = '1') then
           counter <= to_unsigned(LONG_FROM, counter'length);
         end if;
 
@@ -373,7 +487,7 @@ begin
         running <= '1';
         counter <= to_unsigned(SHORT_FROM, counter'length);
 
-        if (long = '1') then
+        if (long_i = '1') then
           counter <= to_unsigned(LONG_FROM, counter'length);
         end if;
       end if;
@@ -500,59 +614,25 @@ begin
         saturated <= overflows(result, FACTOR_WIDTH);
       end if;
 
-      charge := resize(result, charge'length);
-
-      if (long = '1') then
-        charge := shift_left(charge, 1);
-      end if;
-
       if (ready_i = '1' and taken = '1') then
         ready_i <= '0';
         ordered <= '1';
       end if;
 
-      if (tags(3).valid = '1' and tags(3).outside = '1') then
-        x := to_integer(tags(3).place(1 downto 0));
+      if (leaving = '1') then
+        if (tags(3).place = out_word_t'pos(OUT_ERROR)) then
+          error_w <= resize(result, ERROR_WIDTH);
+          begun   <= '1';
+        elsif (tags(3).place(3 downto 2) = "00") then
+          saturated <= overflows(result, FACTOR_WIDTH);
+        else
+          saturated <= overflows(charge, VOLTAGE_WIDTH);
+        end if;
 
-        case to_integer(tags(3).place) is
-
-          when out_word_t'pos(OUT_ERROR) =>
-            error_w <= resize(result, ERROR_WIDTH);
-
-          when out_word_t'pos(OUT_DRIFT_U) =>
-            stage_i.drift_u <= signed(word);
-            saturated       <= overflows(result, FACTOR_WIDTH);
-
-          when out_word_t'pos(OUT_DRIFT_W) =>
-            stage_i.drift_w <= signed(word);
-            saturated       <= overflows(result, FACTOR_WIDTH);
-
-          when out_word_t'pos(OUT_LEVEL) =>
-            stage_i.level <= signed(word);
-            saturated     <= overflows(result, FACTOR_WIDTH);
-
-          when out_word_t'pos(OUT_NEUTRAL_A) | out_word_t'pos(OUT_NEUTRAL_B) | out_word_t'pos(OUT_NEUTRAL_C) =>
-            stage_i.neutral(x) <= clip(charge, VOLTAGE_WIDTH);
-            saturated          <= overflows(charge, VOLTAGE_WIDTH);
-
-          when others =>
-            stage_i.phase(x) <= clip(charge, VOLTAGE_WIDTH);
-            saturated        <= overflows(charge, VOLTAGE_WIDTH);
-
-        end case;
-
-        -- the last word of a stage
-        if (tags(3).place = out_word_t'pos(OUT_PHASE_C)) then
-          ready_i      <= '1';
-          stage_i.long <= long;
-
-          if (long = '1') then
-            stage_i.forced <= coefficients.forced_2;
-            stage_i.decay  <= coefficients.decay_2;
-          else
-            stage_i.forced <= coefficients.forced_1;
-            stage_i.decay  <= coefficients.decay_1;
-          end if;
+        -- the last word but one of a stage; the last one is there when it is needed
+        if (tags(3).place = out_word_t'pos(OUT_NEUTRAL_C)) then
+          ready_i <= '1';
+          long    <= long_i;
         end if;
       end if;
 
@@ -590,7 +670,11 @@ begin
 
   end process p_run;
 
-  ready <= ready_i;
-  stage <= stage_i;
+  ready         <= ready_i;
+  linear        <= signed(linear_word);
+  node_neutral  <= signed(node_neutral_word);
+  node_phase    <= signed(node_phase_word);
+  child_neutral <= signed(child_neutral_word);
+  child_phase   <= signed(child_phase_word);
 
 end architecture rtl;

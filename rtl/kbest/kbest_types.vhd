@@ -42,8 +42,6 @@ package kbest_types is
 
   subtype ahead_cost_t is unsigned(COST_WIDTH - 1 downto 0);
 
-  type aheads_t is array (0 to 2) of ahead_cost_t;
-
   type voltages_t is array (0 to 2) of voltage_t;
 
   type positions_t is array (0 to 2) of position_t;
@@ -76,37 +74,20 @@ package kbest_types is
     weight_phase   : unsigned(3 downto 0); -- the same of v_ph
   end record settings_t;
 
-  -- what all nodes of a stage share
-  type stage_t is record
-    long    : std_logic;  -- '1': two steps, '0': one
-    drift_u : factor_t;   -- drift of the error
-    drift_w : factor_t;
-    level   : factor_t;   -- change of the error by a quarter of v_dc
-    forced  : factor_t;   -- by a voltage
-    decay   : factor_t;   -- of the error
-    neutral : voltages_t; -- what the charge of a phase takes from v_n
-    phase   : voltages_t; -- what it adds to v_ph
-  end record stage_t;
-
-  constant STAGE_INIT : stage_t := (
-    '0', (others => '0'), (others => '0'), (others => '0'), (others => '0'), (others => '0'),
-    (others => (others => '0')), (others => (others => '0'))
-  );
-
   -- state of a node
   type node_t is record
     u         : error_t;
     w         : error_t;
     v_n       : voltage_t;
-    d         : voltages_t; -- v_ph - v_dc/4
+    d         : voltage_t;   -- v_ph - v_dc/4 of the phase that its parent's child moved
     cost      : cost_t;     -- J
     positions : positions_t;
   end record node_t;
 
-  constant NODE_WIDTH : natural := 2 * ERROR_WIDTH + 4 * VOLTAGE_WIDTH + 9; -- without J
+  constant NODE_WIDTH : natural := 2 * ERROR_WIDTH + 2 * VOLTAGE_WIDTH + 9; -- without J
 
   constant NODE_INIT : node_t := (
-    (others => '0'), (others => '0'), (others => '0'), (others => (others => '0')), (others => '0'),
+    (others => '0'), (others => '0'), (others => '0'), (others => '0'), (others => '0'),
     (others => (others => '0'))
   );
 
@@ -118,25 +99,32 @@ package kbest_types is
 
   subtype change_t is signed(ERROR_WIDTH downto 0);
 
-  subtype wide_error_t is signed(ERROR_WIDTH + 3 downto 0);
+  subtype drawn_t is signed(VOLTAGE_WIDTH + 2 downto 0);
 
-  type wide_costs_t is array (0 to 2) of wide_cost_t;
+  subtype wide_error_t is signed(ERROR_WIDTH + 3 downto 0);
 
   -- a node with what its children share
   type prepared_t is record
-    node       : node_t;
-    stage      : stage_t;
+    long       : std_logic;    -- '1': the stage lasts two steps
+    level      : factor_t;     -- change of the error by a quarter of v_dc
+    on_neutral : error_t;      -- by v_n
     keep_u     : wide_error_t; -- error of the child that keeps, not limited yet
     keep_w     : wide_error_t;
-    on_neutral : error_t;      -- change of the error by v_n
-    on_phase   : errors_t;     -- by v_ph - v_dc/4
-    drawn      : signed(VOLTAGE_WIDTH + 2 downto 0); -- v_n of the child that keeps, not limited yet
-    d          : voltages_t;   -- v_ph - v_dc/4 of that child
+    drawn      : drawn_t;      -- v_n of the child that keeps, not limited yet
     total      : wide_cost_t;  -- J and the cost of v_ph's excess of that child
     ahead      : ahead_cost_t; -- what the key adds for v_ph
-    costs      : wide_costs_t; -- shares of the phases in total
-    aheads     : aheads_t;     -- and in ahead
   end record prepared_t;
+
+  constant SHARE_COST_WIDTH  : natural := 2 * EXCESS_WIDTH - EXCESS_SHIFT + 11; -- greatest weight, long stage
+  constant SHARE_AHEAD_WIDTH : natural := 2 * AHEAD_WIDTH - 1 - CAPACITOR_AHEAD_SHIFT;
+  constant SHARE_WIDTH       : natural := SHARE_COST_WIDTH + SHARE_AHEAD_WIDTH;
+
+  -- the same for each of its phases
+  type prepared_phase_t is record
+    d     : voltage_t;   -- v_ph - v_dc/4 in front of the stage
+    cost  : wide_cost_t; -- share in total
+    ahead : ahead_cost_t; -- share in ahead
+  end record prepared_phase_t;
 
   -- value times -2 to 2
   function times (value : signed; factor : integer) return signed;
@@ -161,7 +149,7 @@ package body kbest_types is
   begin
 
     return std_logic_vector(node.u) & std_logic_vector(node.w) & std_logic_vector(node.v_n)
-           & std_logic_vector(node.d(0)) & std_logic_vector(node.d(1)) & std_logic_vector(node.d(2))
+           & std_logic_vector(node.d)
            & std_logic_vector(node.positions(0))
            & std_logic_vector(node.positions(1)) & std_logic_vector(node.positions(2));
 
@@ -184,10 +172,8 @@ package body kbest_types is
     node.cost := (others => '0');
     at        := 9;
 
-    for x in 2 downto 0 loop
-      node.d(x) := signed(rest(at + VOLTAGE_WIDTH - 1 downto at));
-      at        := at + VOLTAGE_WIDTH;
-    end loop;
+    node.d    := signed(rest(at + VOLTAGE_WIDTH - 1 downto at));
+    at        := at + VOLTAGE_WIDTH;
 
     node.v_n := signed(rest(at + VOLTAGE_WIDTH - 1 downto at));
     at       := at + VOLTAGE_WIDTH;
