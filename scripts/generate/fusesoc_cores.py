@@ -29,14 +29,15 @@ PUBLIC = (
     "mpdcc_core", "mpdcc_scheduler", "mpdcc_explorer", "mptc_core", "mptc_family_core",
     "mptc_drive", "kbest_core", "binary_search", "mac_block", "state_observer",
     "mptc_speed_observer", "vector_sequencer", "gate_guard", "gate_release", "clock_monitor",
-    "sync_bits", "axi_lite_master", "boot_loader", "host_link", "mpdcc_system", "mptc_system",
-    "board_top",
+    "safe_torque_off", "sync_bits", "axi_lite_master", "boot_loader", "host_link",
+    "mpdcc_system", "mptc_system", "board_top",
 )  # fmt: skip
 #: Those of them that have no page: K-best, and parts around a core or a system.
 PARTS = (
     "kbest_core",
     "gate_release",
     "clock_monitor",
+    "safe_torque_off",
     "sync_bits",
     "axi_lite_master",
     "boot_loader",

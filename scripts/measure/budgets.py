@@ -45,7 +45,7 @@ PUBLIC = (
     "binary_search", "mac_block", "board_top",
 )  # fmt: skip
 #: Beginnings of names of entities without clocks of their own, besides all of rtl/system/.
-UNTIMED = ("gate_", "trip_", "band_", "countdown", "clock_monitor")
+UNTIMED = ("gate_", "trip_", "band_", "countdown", "clock_monitor", "safe_torque_off")
 #: Clocks given to a decision while its worst case is being measured.
 PATIENCE = 9_999
 

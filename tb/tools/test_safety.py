@@ -31,7 +31,7 @@ PAGE = ROOT / "docs" / "safety.md"
 #: Entities that keep the gates safe; all of their properties are promises.
 PROTECTION = {
     "axi_lite_master", "decision_sequencer", "frame_receiver", "gate_guard", "mpdcc_system",
-    "mptc_system", "read_gate", "write_gate", "write_rules",
+    "mptc_system", "read_gate", "safe_torque_off", "write_gate", "write_rules",
 }  # fmt: skip
 WORDS = {"one": 1, "two": 2, "three": 3, "four": 4, "fourth": 4}
 VERDICTS = {
@@ -129,6 +129,34 @@ def wrong_times(text: str) -> list[str]:
             if [slow, fast] != wanted:
                 wrong.append(f"{cause}: {slow}, {fast} ns, expected {', '.join(wanted)}")
     return wrong
+
+
+def wrong_diagnosis(text: str) -> list[str]:
+    """What is wrong about the table of diagnosis, one line each."""
+    wrong = []
+    for part, _, found, _ in table(text, "diagnosis"):
+        for name in ticked(found):
+            file, _, function = name.partition("::")
+            path = ROOT / file
+            if not path.is_file() or function not in functions(path):
+                wrong.append(f"{part}: no test {name}")
+        if not ticked(found):
+            wrong.append(f"{part}: no test")
+    shares = []
+    for row in re.findall(r"^\| gate guard, [\w-]+ \| all \|(.*)\|$", text, re.M):
+        _, _, fault, *others = (int(cell.replace(",", "")) for cell in row.split("|"))
+        shares.append(f"{fault / (fault + sum(others)):.0%}".replace("%", " %"))
+    said = f"{shares[0]} (ANPC) and {shares[1]} (two-level) of the flips"
+    if said not in " ".join(text.split()):
+        wrong.append(f"the page does not say: {said}")
+    return wrong
+
+
+def test_the_diagnosis_is_that_of_the_tests_and_of_the_upsets() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert wrong_diagnosis(text) == []
+    assert wrong_diagnosis(text.replace("(ANPC) and", "(ANPC),"))
+    assert wrong_diagnosis(text.replace("injected: `tb/rtl/boards/", "injected: `tb/rtl/"))
 
 
 def test_every_promise_has_what_it_names() -> None:
