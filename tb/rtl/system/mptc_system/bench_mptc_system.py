@@ -13,7 +13,7 @@ from directmpc.mptc import observer
 from directmpc.mptc.sequence import TIME_STEPS
 from tb.helpers import mptc_rows
 from tb.helpers.scoreboard import arguments, number
-from tb.rtl.system.bench_system import System
+from tb.rtl.system.bench_system import System, widest
 
 DRIVE = "induction_2kw2"
 OBSERVED = ("is_alpha", "is_beta", "omega_r", "v_dc")
@@ -151,6 +151,43 @@ async def observed(system: System, drive: Drive, count: int) -> None:
     board.check("full", await bus.read("system.flags", "observer_saturated"), 0)
 
 
+async def while_running(system: System, drive: Drive, count: int) -> None:
+    """A reset of the observer forgets nothing of what running gates are at."""
+    board, bus, dut = system.board, system.bus, system.dut
+    settings = {
+        "watchdog": 60_000, "decision_limit": 59_000, "current_limit": 32_000,
+        "link_high": 65_000, "link_low": 0, "dead_time": 10, "minimum_on": 1, "minimum_off": 1,
+    }  # fmt: skip
+    await bus.write("system.control", own_positions=1)
+    for name, value in settings.items():
+        _, fields = bus.registers[f"guard.{name}"]
+        await bus.write(f"guard.{name}", **{next(iter(fields)): value})
+    await widest(system)
+    await bus.write("system.command", commit=1, reset_observer=1)
+    await system.settled()
+    dut.enable.value = 1
+    await bus.write("system.faults", **dict.fromkeys(bus.registers["system.faults"][1], 1))
+    await bus.write("system.control", enable=1, own_positions=1)
+    last = 0
+    for n in range(count):
+        running = n > 2
+        if running:
+            board.check("running", number(dut.running), 1, f"decision {n}")
+            await bus.write("system.command", reset_observer=1)
+        for _ in range(TRIES):
+            m = drive.measurements() | {"u": last}
+            if last in (0, 7) or drive.decided(m) != drive.decided(m | {"u": 0}):
+                break
+        given = await given_from(system, m)
+        board.check("kept", system.decided(), drive.decided(m), f"decision {n}")
+        board.check("still given", given, n > 0, f"decision {n}")
+        board.cover("vector", int(running and last not in (0, 7)))
+        last = system.decided()[0]
+        for _ in range(80):
+            await FallingEdge(dut.clk)
+    await bus.write("system.control", enable=0)
+
+
 async def of_one_vector(system: System, drive: Drive, count: int) -> None:
     """What is applied is a port's where the method is of one vector, whatever else is written."""
     board, bus, rng = system.board, system.bus, system.rng
@@ -204,7 +241,11 @@ async def mptc_system(dut) -> None:
     await drive.load()
     if family:
         await of_one_vector(system, drive, 20)
-        board.finish({"given": 30, "decision": 50, "capabilities": 1})
+        await while_running(system, drive, 24)
+        board.finish(
+            {"given": 30, "decision": 50, "capabilities": 1, "kept": 24, "still given": 24},
+            {"vector": 4},
+        )
         return
     for flag in ("early", "invalid", "delayed"):
         board.check("sequencer", await bus.read("result.sequencer", flag), 0, flag)

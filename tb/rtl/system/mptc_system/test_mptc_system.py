@@ -61,7 +61,12 @@ def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
     assert_seen(fault, tmp_path, bench)
 
 
-def test_a_sequence_of_registers_that_counts_is_seen(tmp_path: Path) -> None:
-    old = "sequence_now.t1 <= WHOLE_PERIOD;"
-    fault = Fault("mptc_system", old, "null;", "decision:")
+FAMILY_FAULTS = [
+    Fault("mptc_system", "sequence_now.t1 <= WHOLE_PERIOD;", "null;", "decision:"),
+    Fault("mptc_system", "not deciding and not is_running;", "not deciding;", "kept:|still given:"),
+]
+
+
+@pytest.mark.parametrize("fault", FAMILY_FAULTS, ids=["sequence of registers", "running gates"])
+def test_a_fault_of_the_family_is_seen(fault: Fault, tmp_path: Path) -> None:
     assert_seen(fault, tmp_path, lambda rtl: bench(rtl, family=True))
