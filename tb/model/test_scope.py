@@ -203,7 +203,7 @@ def test_gates_are_drawn_as_a_board_switches_them(name: str, tmp_path: Path) -> 
         live.start()
         live.give("start").result(timeout=60)
         end = time.monotonic() + 100
-        while record.total < 150 and time.monotonic() < end:
+        while record.total < 700 and time.monotonic() < end:
             time.sleep(0.01)
         live.give("stop").result(timeout=60)
         live.close()

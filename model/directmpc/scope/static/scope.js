@@ -89,6 +89,7 @@ function told(message) {
   if (message.hello) return begin(message.hello);
   if (message.state) {
     page.state = { ...page.state, ...message.state };
+    triggered();
     return stated();
   }
   const order = page.orders.get(message.number);
@@ -118,7 +119,7 @@ function stated() {
   else if (error) status(`off: ${error}`, 'fault');
   else if (last && (last.kind === 'trip' || last.kind === 'fault')) status(`tripped: ${last.names.join(', ')}`, 'fault');
   else status('off');
-  $('start').disabled = running;
+  $('start').setAttribute('aria-disabled', String(running)); // not disabled: it keeps the keyboard
   const key = JSON.stringify(events);
   if (key === page.known) return;
   page.known = key;
@@ -195,10 +196,11 @@ async function set(values) {
 const CONDITIONS = { fault: (k) => page.store.at('faults', k) > 0, deadlock: (k) => page.store.at('deadlock', k) > 0, saturated: (k) => page.store.at('saturated', k) > 0 };
 
 function arm(mode) {
-  page.trigger = { armed: mode !== 'off', row: -1, since: page.store.total };
+  page.trigger = { armed: mode !== 'off', row: -1, since: page.hello.live ? page.store.total : page.store.first };
   $('mode').value = mode;
   if (mode !== 'off') page.follow();
   armed();
+  triggered();
 }
 function armed() { $('armed').textContent = $('mode').value === 'off' ? '' : page.trigger.row >= 0 ? 'triggered' : 'armed'; }
 
@@ -232,16 +234,19 @@ function frame(now) {
   if (!page.store || !page.dirty || now - drawn < 25) return;
   drawn = now;
   page.dirty = false;
-  if (page.trigger.row >= 0 && page.trigger.row !== -2) triggered();
   const { from, until } = page.window(), ts = page.store.ts;
   const xs = new Float64Array(Math.max(2, until - from));
   for (let k = 0; k < xs.length; k++) xs[k] = (from + k) * ts;
   for (const view of page.views) view.draw(from, from + xs.length, xs);
-  if (page.frames++ % 5 === 0) cursors();
+  page.frames++;
+  page.listed = false;
 }
 setInterval(() => { page.fps = page.frames - (page.counted || 0); page.counted = page.frames; $('fps').textContent = `${page.fps} frames/s`; }, 1000);
 
+setInterval(() => { if (page.store && !page.listed) cursors(); }, 200);
+
 function cursors() {
+  page.listed = true;
   const { a, b } = page.marks, store = page.store;
   if (a === null && b === null) { $('cursors').replaceChildren(); return; }
   const rows = [['', 'A', 'B', 'B − A', 'mean', 'rms']], short = (v) => (Number.isFinite(v) ? +v.toPrecision(4) : '');

@@ -3,7 +3,7 @@ import { spectrum, thd, turning } from './store.js';
 
 const COLOURS = ['#d62728', '#1f77b4', '#2ca02c', '#9467bd', '#ff7f0e', '#17becf', '#8c564b', '#e377c2'];
 const TITLES = {
-  currents: 'Currents and bounds', capacitors: 'Phase capacitors', neutral: 'Neutral point', link: 'dc link', torque: 'Torque and flux', flux: 'Flux',
+  currents: 'Currents and bounds', capacitors: 'Phase capacitors', neutral: 'Neutral point', link: 'dc link', torque: 'Torque', flux: 'Flux',
   speed: 'Speed', levels: 'Levels', positions: 'Positions', gates: 'Gates', costs: 'Costs', lengths: 'Lengths', flags: 'Flags', clocks: 'Clocks of a decision',
   faults: 'Faults', histogram: 'Histogram of clocks', spectrum: 'Spectrum', xy: 'XY',
 };
@@ -51,9 +51,9 @@ export class View {
   get channels() { return this.page.store.channels.filter((c) => c.group === this.name); }
   build() {
     this.plot?.destroy();
-    const { page } = this, store = page.store, time = { label: 's', stroke: css('--fore'), grid: { stroke: css('--line') } };
+    const { page } = this, store = page.store, time = { stroke: css('--fore'), grid: { stroke: css('--line') }, size: 30, values: (_, splits, axis, space, step) => splits.map((s) => s.toFixed(Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)))) };
     const y = { stroke: css('--fore'), grid: { stroke: css('--line') }, size: 56 };
-    const base = { width: Math.max(200, this.element.clientWidth - 6), height: 190, legend: { show: false }, scales: { x: { time: false } }, axes: [{ ...time, label: undefined, size: 30 }, y] };
+    const base = { width: Math.max(200, this.element.clientWidth - 6), height: 190, legend: { show: false }, scales: { x: { time: false } }, axes: [time, y] };
     const cursor = { sync: { key: 'scope' }, drag: { x: true, y: false, setScale: false } };
     if (this.name === 'histogram') {
       this.plot = new uPlot({ ...base, cursor: { drag: { x: false, y: false } }, series: [{}, { fill: '#1f77b488', stroke: COLOURS[1], paths: uPlot.paths.bars({ size: [1, 60] }), points: { show: false } }] }, [[0], [0]], this.box);
