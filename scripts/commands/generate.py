@@ -17,6 +17,7 @@ GENERATORS = (
     "core_shells",
     "register_files",
     "link_package",
+    "recorder_package",
     "protocol_examples",
     "boards",
     "fusesoc_cores",

@@ -1,0 +1,90 @@
+// Proof that recorder holds nothing up: what is another's passes the bus in its clock, unchanged, both ways, whatever
+// the recorder does; its own accesses are answered in time; a trip ends a recording in time, and then nothing moves.
+//
+// Licence: Apache-2.0
+
+module proof (
+  input clk, input rst, input begins, input decided, input [512:0] step_words, input deadlock, input saturated,
+  input tripped, input [9:0] awaddr, input [31:0] wdata, input m_awvalid, input m_wvalid, input m_bready,
+  input [9:0] araddr, input m_arvalid, input m_rready, input s_awready, input s_wready, input s_bvalid,
+  input [1:0] s_bresp, input s_arready, input s_rvalid, input [31:0] s_rdata, input [1:0] s_rresp
+);
+
+  wire m_awready, m_wready, m_bvalid, m_arready, m_rvalid, s_awvalid, s_wvalid, s_bready, s_arvalid, s_rready;
+  wire [1:0] m_bresp, m_rresp;
+  wire [31:0] m_rdata;
+
+  recorder i_dut (
+    .clk(clk), .rst(rst), .begins(begins), .decided(decided), .step_words(step_words), .deadlock(deadlock),
+    .saturated(saturated), .tripped(tripped), .awaddr(awaddr), .wdata(wdata), .m_awvalid(m_awvalid),
+    .m_awready(m_awready), .m_wvalid(m_wvalid), .m_wready(m_wready), .m_bready(m_bready), .m_bvalid(m_bvalid),
+    .m_bresp(m_bresp), .araddr(araddr), .m_arvalid(m_arvalid), .m_arready(m_arready), .m_rready(m_rready),
+    .m_rvalid(m_rvalid), .m_rdata(m_rdata), .m_rresp(m_rresp), .s_awvalid(s_awvalid), .s_awready(s_awready),
+    .s_wvalid(s_wvalid), .s_wready(s_wready), .s_bready(s_bready), .s_bvalid(s_bvalid), .s_bresp(s_bresp),
+    .s_arvalid(s_arvalid), .s_arready(s_arready), .s_rready(s_rready), .s_rvalid(s_rvalid), .s_rdata(s_rdata),
+    .s_rresp(s_rresp)
+  );
+
+  (* inside = "i_dut.r" *) wire [45:0] r;
+  (* inside = "i_dut.b" *) wire [20:0] b;
+  wire fetched = r[7], stores = r[8], hit = r[16], closes = r[17], fires = r[19], full = r[23], recording = r[24];
+  wire triggered = r[25], was_tripped = r[43];
+  wire [4:0] now = r[15:11];
+  wire [2:0] row = r[22:20];
+  wire written = b[0], arm = b[2], looks = b[4], there = b[5], answered = b[6], on_trip = b[8];
+
+  wire own_write = awaddr[9:7] == 7, own_read = araddr[9:7] == 7;
+
+  reg write_mine, write_theirs;  // a write of the recorder is under way, one of the registers
+  reg read_mine, read_theirs;
+  reg [2:0] age;                 // clocks since the read was taken
+  reg sure;                      // there was no reset in the clock before
+  reg pending;                   // a trip has come that has to stop the recording
+  reg held;                      // it had stopped, and was not armed
+  reg [3:0] was;
+
+  // the gates let one write and one read through at a time, keep the data's place free, and the registers answer what
+  // they have taken
+  wire assume_one_write = !((write_mine || write_theirs) && (m_awvalid || m_wvalid)) && m_awvalid == m_wvalid;
+  wire assume_one_read = !((read_mine || read_theirs) && m_arvalid);
+  wire assume_the_gate_takes_the_data = !read_mine || m_rready;
+  wire assume_answers = (!s_bvalid || write_theirs) && (!s_rvalid || read_theirs);
+
+  wire write_taken = m_awvalid && m_awready, read_taken = m_arvalid && m_arready;
+
+  always @(posedge clk) begin
+    sure <= !rst;
+    write_mine <= !rst && ((write_taken && own_write) || (write_mine && !(m_bvalid && m_bready)));
+    write_theirs <= !rst && ((write_taken && !own_write) || (write_theirs && !(m_bvalid && m_bready)));
+    read_mine <= !rst && ((read_taken && own_read) || (read_mine && !(m_rvalid && m_rready)));
+    read_theirs <= !rst && ((read_taken && !own_read) || (read_theirs && !(m_rvalid && m_rready)));
+    age <= read_mine ? age + 1 : 1;
+    pending <= !rst && !arm && recording && !triggered && (pending || (tripped && !was_tripped && on_trip));
+    held <= !rst && !arm && !recording;
+    was <= {full, row};
+  end
+
+  wire fact_write = written == write_mine;
+  wire fact_one_write = !(write_mine && write_theirs);
+  wire fact_read = read_mine == (looks || there || answered);
+  wire fact_one_read = !(read_mine && read_theirs) && looks + there + answered <= 1;
+  wire fact_age = !read_mine || (age >= 1 && age <= 5);
+  wire fact_fetches_stop = !(looks && age >= 2) || !fetched;
+  wire fact_stores_stop = !(looks && age >= 3) || !stores;
+  wire fact_looks_ends = (!looks || age <= 3) && (!there || age <= 4);
+  wire fact_pending = !pending || hit || now != 0 || (closes && fires) || triggered || !recording;
+
+  wire prove_writes_of_others_pass = own_write || write_mine
+    || {s_awvalid, s_wvalid, m_awready, m_wready} == {m_awvalid, m_wvalid, s_awready, s_wready};
+  wire prove_responses_of_others_pass = write_mine || {s_bready, m_bvalid, m_bresp} == {m_bready, s_bvalid, s_bresp};
+  wire prove_reads_of_others_pass = own_read || read_mine || {s_arvalid, m_arready} == {m_arvalid, s_arready};
+  wire prove_data_of_others_passes = read_mine
+    || ({s_rready, m_rvalid} == {m_rready, s_rvalid} && (!s_rvalid || {m_rdata, m_rresp} == {s_rdata, s_rresp}));
+  wire prove_its_own_stay_here = !(own_write && (s_awvalid || s_wvalid)) && !(own_read && s_arvalid);
+  wire prove_its_own_are_taken_at_once = (!(own_write && m_awvalid) || (m_awready && m_wready))
+    && (!(own_read && m_arvalid) || m_arready);
+  wire prove_its_own_are_answered_in_time = (!write_mine || m_bvalid) && (!read_mine || age < 5 || m_rvalid);
+  wire prove_a_trip_is_never_lost = fact_pending;
+  wire prove_what_it_holds_stays = !(held && sure) || (!recording && {full, row} == was);
+
+endmodule

@@ -1,0 +1,73 @@
+"""Recorder of control steps: ring, triggers, registers.
+
+Stimulus: random records, both controllers' sizes, at full speed and with pauses; any settings;
+trips and commands within decisions and between them; reads without a pause beside steps at full
+speed.
+Checks: every record that can be read, status and settings, against the model; responses.
+Faults: words, rows, triggers, edges, counts and the bus's answers go wrong.
+Does not prove: that what is another's passes the bus unchanged: the proof does.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from directmpc.host import recorder
+from scripts.hdl.sources import RTL
+from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.simulation import Outcome, run
+
+
+def bench(rtl: Path = RTL, controller: str = "mpdcc", seed: int = 1, sessions: int = 24) -> Outcome:
+    inputs, results = recorder.words(controller)
+    return run(
+        "recorder",
+        "tb.rtl.system.recorder.bench_recorder",
+        units=["recorder"],
+        generics={"ROWS_LOG2": 3, "INPUTS": inputs, "RESULTS": results},
+        arguments={"seed": seed, "sessions": sessions},
+        rtl=rtl,
+    )
+
+
+@pytest.mark.parametrize("controller", recorder.FIELDS)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_is_recorded_is_what_the_model_has(controller: str, seed: int) -> None:
+    outcome = bench(controller=controller, seed=seed)
+    assert outcome.measured["read"] > 3  # some wait for a record's words
+
+
+STATUS = "status|record"
+
+FAULTS = [
+    Fault("recorder", "words(i) <= step_words(32 * i + 31 downto 32 * i);",
+          "words(i) <= step_words(31 downto 0);", "record"),
+    Fault("recorder", "if (r.place /= i) then", "if (r.place < i) then", "record"),
+    Fault("recorder", "v.row  := r.row + 1;", "v.row  := r.row + 2;", "status"),
+    Fault("recorder", "r.full or to_std_logic(r.row = 2 ** ROWS_LOG2 - 1)", "r.full", "status"),
+    Fault("recorder", "tripped and not r.tripped and", "tripped and", "status"),
+    Fault("recorder", "r.known and not r.above and above", "not r.above and above", STATUS),
+    Fault("recorder", "r.known and r.above and not above", "r.known and not above", STATUS),
+    Fault("recorder", "half = level", "half /= level", STATUS),
+    Fault("recorder", "not b.settings(SETTINGS_NO_SIGN);", "b.settings(SETTINGS_NO_SIGN);",
+          STATUS),
+    Fault("recorder", "kept := r.whole and (r.fires or r.grid);", "kept := r.whole and r.grid;",
+          STATUS),
+    Fault("recorder", "if (r.skip = decimation) then", "if (r.skip + 1 = decimation) then",
+          STATUS),
+    Fault("recorder", "if (r.count = behind) then", "if (r.count + 1 = behind) then", "status"),
+    Fault("recorder", "if (b.looks = '0') then\n            v.fetched := '1';",
+          "if (true) then\n            v.fetched := '1';", "read taken|record"),
+    Fault("recorder", "r.ends and deadlock and", "r.ended and deadlock and", STATUS),
+    Fault("recorder", "SETTLES    : positive := 3;", "SETTLES    : positive := 2;", STATUS),
+    Fault("recorder", "if (rst = '1' or b.arm = '1') then", "if (rst = '1') then", "status"),
+    Fault("recorder", "v.wrong := '1';", "v.wrong := '0';", "write answered"),
+    Fault("recorder", "or (b.looks and not rests)", "", "read taken"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+    assert_seen(fault, tmp_path, bench)
