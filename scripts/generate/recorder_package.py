@@ -28,6 +28,7 @@ package recorder_format is
   constant ROW_BITS     : natural := {row_bits}; -- of the registers' fields for rows
 
   -- a bit more than the words: GHDL 2.0 loses zeros of a multiple of 32 bits
+
   subtype record_t is std_logic_vector(32 * RECORD_WORDS downto 0);
 """
 
