@@ -1,4 +1,4 @@
-"""`make run`: the RTL, simulated, controls a drive in closed loop; prints and draws the result."""
+"""`make run`: the RTL or its model controls a drive in closed loop; prints and draws the result."""
 
 from __future__ import annotations
 
@@ -10,24 +10,37 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from directmpc.api.controllers import ENGINES
 from directmpc.api.data_sheet import doubts
-from directmpc.api.drive_file import load_core_drive
-from directmpc.api.simulation import LEAST_FACTOR, MOST_FACTOR, check_speed, factors_of
+from directmpc.api.drive_file import load_core_drive, load_drive
+from directmpc.api.dynamics import SCENARIOS, scenario
+from directmpc.api.result import SimulationResult
+from directmpc.api.simulation import (
+    LEAST_FACTOR,
+    MOST_FACTOR,
+    check_speed,
+    factors_of,
+    simulate,
+)
+from directmpc.drive_tables import allowed
 from directmpc.host.console import terminable
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import DriveErrors
 from directmpc.mpdcc.trace import write_decisions, write_trace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, served
 from directmpc.mptc import trace as mptc_trace
+from directmpc.mptc.closed_loop import RPM
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.errors import MptcErrors, check_errors
 from directmpc.output_files import check_output
 from scripts.hdl.mpdcc_simulation import EXPLORERS
 from scripts.hdl.waves import view
 from scripts.shared.command import Command, InputError, UsageError
+from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import BUILD, ROOT, replacing, write
 from scripts.studies import mptc_loop, rtl_loop
 
@@ -42,6 +55,10 @@ OUTPUTS = {
 
 MPDCC_ONLY = ("explorers", "variant", "flux_observer")
 """Arguments that a two-level drive has no use for."""
+
+SCENARIO_ONLY = ("engine", "inertia")
+NO_SCENARIO = ("steps", "explorers", "waves")
+"""Arguments that a run with a speed controller alone has, and those that it has no use for."""
 
 Outputs = dict[str, Path]
 
@@ -141,6 +158,18 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         help="MPDCC: the controller sees the rotor flux of the observer's bit-true model, not the "
         "plant's",
     )
+    parser.add_argument(
+        "--scenario", choices=SCENARIOS,
+        help="speed controller and moving rotor: --speed is the rotor's then",
+    )  # fmt: skip
+    parser.add_argument(
+        "--engine", choices=ENGINES,
+        help="what decides in a scenario: the core's bit-true model without, rtl is its VHDL",
+    )  # fmt: skip
+    parser.add_argument(
+        "--inertia", type=float,
+        help="of a scenario, in s, MPTC: kg m^2; mechanics.inertia of the drive file without",
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, default=BUILD / "run.png", help="picture")
     parser.add_argument("--trace", type=Path, help="what was measured: a trace for replay (CSV)")
     parser.add_argument("--decisions", type=Path, help="what it decided, as replay writes it (CSV)")
@@ -216,9 +245,88 @@ def _mptc(given: argparse.Namespace, drive: MptcDrive, new: Outputs) -> _Result:
     return _Result((said, mptc_loop.outcome(run)), len(run), run.differing)
 
 
+def _turning(given: argparse.Namespace, drive: Any, new: Outputs) -> _Result:
+    """Run a scenario with a speed controller and write its files."""
+    two_level = isinstance(drive, MptcDrive)
+    if two_level and given.speed is not None:
+        given.speed *= RPM * drive.machine.pole_pairs
+    asked = scenario(drive, given.scenario, given.speed, given.inertia)
+    extra = {"flux_observer": True} if given.flux_observer else {}
+    result = simulate(
+        drive, given.engine or "model", variant=given.variant or DEFAULT_VARIANT,
+        errors=given.errors, plant_factors=given.plant, **asked, **extra,
+    )  # fmt: skip
+    pyplot()
+    figure = result.plot()
+    figure.suptitle(f"{given.drive.name}, {given.scenario}: {figure.get_suptitle()}")
+    save_png(figure, new["out"], true_colour=True)
+    if "trace" in new:
+        result.write_trace(new["trace"])
+    if "decisions" in new:
+        (mptc_trace.write_decisions if two_level else write_decisions)(
+            new["decisions"], result.decisions
+        )
+    said = (
+        f"{given.drive.name}: {given.scenario}, {len(result)} control periods of "
+        f"{1e6 * drive.control.ts:g} us, inertia {asked['inertia']:g} "
+        + ("kg m^2" if two_level else "s")
+    )
+    return _Result((said, _moved(result)), len(result), 0)
+
+
+def _moved(result: SimulationResult) -> Table:
+    """What a drive with a speed controller did."""
+    assert result.speed_ref is not None
+    assert result.load is not None
+    table = Table(title="Scenario", show_header=False)
+    table.add_column("", style="bold")
+    table.add_column("")
+    pu = not isinstance(result.drive, MptcDrive)
+    speed, torque, current = ("pu", "pu", "pu") if pu else ("rad/s", "N m", "A")
+    last, omega, time = result.speed_ref[-1], result.omega_r, result.time
+    outside = np.flatnonzero(np.abs(omega - last) > 0.02 * abs(last))
+    if len(outside) == len(omega) or (len(outside) and outside[-1] == len(omega) - 1):
+        reached = "not reached to 2 %"
+    else:
+        reached = f"within 2 % from {time[outside[-1] + 1] if len(outside) else 0.0:.3f} s on"
+    table.add_row("speed reference", f"{last:.4g} {speed}, {reached}")
+    table.add_row("speed", f"from {omega.min():.4g} to {omega.max():.4g} {speed}")
+    table.add_row("torque", f"from {result.torque.min():.4g} to {result.torque.max():.4g} {torque}")
+    table.add_row("largest current", f"{np.abs(result.current).max():.4g} {current} peak")
+    table.add_row("largest flux", f"{np.abs(result.flux).max():.4g} {'pu' if pu else 'Wb'}")
+    table.add_row(
+        "switching frequency", f"{result.switching_frequency:.0f} Hz, mean of all switches"
+    )
+    saturated = int(np.sum(result.decisions.saturated))
+    table.add_row("saturated decisions", f"{saturated} of {len(result)}")
+    return table
+
+
+def _check_scenario(given: argparse.Namespace, drive: Any) -> None:
+    """Refuse what a run with a speed controller cannot have, or what it alone can."""
+    for name in SCENARIO_ONLY if given.scenario is None else NO_SCENARIO:
+        if getattr(given, name) is not None:
+            other = "needs a --scenario" if given.scenario is None else "is not for a --scenario"
+            raise UsageError(f"argument --{name}: {other}")
+    if given.scenario is None:
+        return
+    if "torque" not in getattr(drive.machine, "quantities", ("torque",)):
+        raise UsageError(f"argument --scenario: {given.drive} has no machine that turns")
+    words = allowed(type(drive.mechanics), "inertia")
+    if given.inertia is None and drive.mechanics.inertia is None:
+        raise InputError(
+            f"{given.drive}: mechanics.inertia: missing; it must be {words}, or given as --inertia"
+        )
+    if given.inertia is not None:
+        try:
+            drive.changed(mechanics={"inertia": given.inertia})
+        except ValueError as error:
+            raise UsageError(f"argument --inertia: {error}") from None
+
+
 def _check_mpdcc(given: argparse.Namespace, drive: Drive) -> None:
     """Refuse what an MPDCC run cannot have; without a speed it is 1 pu."""
-    if given.speed is None:
+    if given.speed is None and given.scenario is None:
         given.speed = 1.0
     try:
         check_speed(drive, given.speed)
@@ -259,11 +367,12 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.steps is not None and given.steps < 1:
         raise UsageError(f"argument --steps: got {given.steps}; at least 1 is needed")
     console = Console(width=None if sys.stdout.isatty() else 110)
-    drive = load_core_drive(given.drive)
-    if isinstance(drive, Drive):
-        _check_mpdcc(given, drive)
-    else:
+    drive: Any = (load_core_drive if given.scenario is None else load_drive)(given.drive)
+    _check_scenario(given, drive)
+    if isinstance(drive, MptcDrive):
         _check_mptc(given, drive)
+    else:
+        _check_mpdcc(given, drive)
     for doubt in doubts(drive):
         print(f"run: warning: {given.drive}: {doubt}", file=sys.stderr)
     if given.waves is not None:
@@ -273,7 +382,9 @@ def _run(given: argparse.Namespace) -> int | None:
         # none of them replaces an older one before all are whole
         new = {name: files.enter_context(replacing(path)) for name, path in outputs.items()}
         try:
-            if isinstance(drive, Drive):
+            if given.scenario is not None:
+                done = _turning(given, drive, new)
+            elif isinstance(drive, Drive):
                 done = _mpdcc(given, drive, new)
             else:
                 done = _mptc(given, drive, new)

@@ -55,7 +55,7 @@ _GUARD = {
 }
 
 _MECHANICS_TABLE = (
-    "Shaft, for simulations with a speed controller: docs/library.md. It may be left out."
+    "Shaft, for simulations with a speed controller: docs/outer-loop.md. It may be left out."
 )
 
 _FIVE_LEVEL_TABLES = {

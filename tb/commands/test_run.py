@@ -636,3 +636,41 @@ def test_vectors_of_a_period_stand_in_their_order() -> None:
 )
 def test_one_is_no_plural(number: int, said: str) -> None:
     assert counted(number, "deadlock") == said
+
+
+def test_a_scenario_moves_the_rotor(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    outputs = outputs_in(tmp_path)
+    del outputs["waves"]
+    given = ["--drive", str(ROOT / "examples" / "induction_4kw.toml"), "--scenario", "reversal"]
+    given += ["--engine", "ideal", "--inertia", "0.002", "--speed", "300", "--plant", "rr=1.2"]
+    assert run.COMMAND.main(given + arguments_for(outputs)) == 0
+    shown = capsys.readouterr().out
+    assert "inertia 0.002 kg m^2" in shown
+    assert "speed reference" in shown
+    assert "-62.83 rad/s, within 2 % from 0." in shown
+    trace = mptc_trace.read_trace(outputs["trace"])
+    assert trace.omega_r[0] == pytest.approx(62.83, abs=0.01)
+    assert trace.omega_r[-1] == pytest.approx(-62.83, abs=1.5)
+    assert sorted(tmp_path.iterdir()) == sorted(outputs.values())
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["--engine", "ideal"], "argument --engine: needs a --scenario"),
+        (["--scenario", "start"], "mechanics.inertia: missing; it must be a number from 0.001"),
+        (["--scenario", "start", "--inertia", "-1"], "mechanics.inertia: got -1.0; it must be"),
+        (["--scenario", "start", "--steps", "9"], "argument --steps: is not for a --scenario"),
+        (["--scenario", "start", "--drive", "anpc5l_rl"], "has no machine that turns"),
+    ],
+)
+def test_a_scenario_that_cannot_be_is_refused(
+    given: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        code = run.COMMAND.main([*given, "--out", str(tmp_path / "run.png")])
+    except SystemExit as stopped:  # argparse's own way
+        code = stopped.code
+    assert code == 2
+    assert said in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

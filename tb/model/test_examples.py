@@ -19,7 +19,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from directmpc import load_drive
+from directmpc import load_drive, simulate
 from directmpc.api.dynamics import SCENARIOS
 from directmpc.mpdcc.coefficients import registers
 from scripts.hdl import sources
@@ -58,7 +58,7 @@ def test_closed_loop(capsys: pytest.CaptureFixture[str]) -> None:
     assert np.abs(mptc.flux).mean() == pytest.approx(0.95, abs=0.02)
 
 
-def test_speed_control(tmp_path: Path) -> None:
+def test_speed_control(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("matplotlib").use("Agg")
     results = example("speed_control").main("ideal", str(tmp_path), 2400)
     assert len(results) == len(list(tmp_path.glob("*.png"))) == 6
@@ -71,6 +71,14 @@ def test_speed_control(tmp_path: Path) -> None:
         assert 0.8 < dip.min() < 0.99
         assert loaded.torque[-200:].mean() > 0.5 * loaded.load[-1]
         assert {result.decisions.saturated.max() for result in results.values()} == {0}
+    monkeypatch.chdir(tools.ROOT)
+    text = (tools.ROOT / "docs" / "outer-loop.md").read_text(encoding="utf-8")
+    ten, own = re.findall(r"```python\n(.*?)```", text, re.S)
+    assert len(ten.splitlines()) <= 10
+    names: dict[str, object] = {"load_drive": load_drive, "simulate": simulate}
+    compile(ten, "docs/outer-loop.md", "exec")
+    exec(own.replace("steps=8000", "steps=200"), names)
+    assert len(names["result"]) == 200  # type: ignore[arg-type]
 
 
 def test_own_bench(tmp_path: Path) -> None:

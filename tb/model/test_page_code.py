@@ -39,6 +39,7 @@ OTHER = {
     ("docs/drive-file.md", "python"): "tb/tools/test_documents.py",
     ("docs/fmu.md", "python"): "tb/model/test_fmu.py",
     ("docs/hil.md", "python"): "tb/model/test_examples.py",
+    ("docs/outer-loop.md", "python"): "tb/model/test_examples.py",
     ("docs/processor.md", "c"): "below",
     ("docs/replay.md", "csv"): "below",
     ("docs/using-the-core.md", "vhdl"): "below",
