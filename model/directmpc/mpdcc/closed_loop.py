@@ -10,7 +10,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -24,7 +24,7 @@ from directmpc.mpdcc import observer as rotor_flux
 from directmpc.mpdcc.capacitor_observer import CapacitorFilter, step_row
 from directmpc.mpdcc.drive import FiveLevelDrive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measure, sensors, split, switched_step
-from directmpc.mpdcc.plant import STATES, Plant, plant_data, plant_step
+from directmpc.mpdcc.plant import STATES, PlantData, plant_data, plant_step
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 from directmpc.states import Controller, MpdccState, StateError, mpdcc_decision
 
@@ -315,66 +315,148 @@ class ClosedLoopResult:
         )
 
 
-@njit(kept=False)
-def _loop(
-    decide, parameters, shadow, shadow_parameters, use_shadow, plant, delay, compensate, predictor,
-    omega_s, omega_r, vdc, iref, state, applied, states, positions, seen, seen_s, seen_iref, out,
-    shadow_out, sensed, dead, rest, dead_time, filters, filtered, shown, estimators, adapt,
-    first_row,
-):  # fmt: skip
-    """Run the loop, compiled as a whole for speed; `drive_controller` takes any `Controller`.
+class Switches(NamedTuple):
+    """Inverter and load of a loop, for compiled code; `dead` and `rest` where there is a dead time.
 
-    It is compiled for the controllers passed, and therefore not cached on disk.
+    Attributes
+    ----------
+    plant, dead, rest : PlantData
+        Over a control period, over the dead time, and over the rest of the period.
+    dead_time : bool
+        Whether there is one.
     """
-    x = np.empty(8)
-    reference = np.empty(2)
+
+    plant: PlantData
+    dead: PlantData
+    rest: PlantData
+    dead_time: bool
+
+
+class Timing(NamedTuple):
+    """When a decision takes effect, for compiled code.
+
+    Attributes
+    ----------
+    delay : bool
+        Whether a step later.
+    compensate : bool
+        Whether the controller is shown the state of that step then, by the `predictor`.
+    predictor : PredictorParameters
+        Of `ideal.predictor_parameters`.
+    """
+
+    delay: bool
+    compensate: bool
+    predictor: Any
+
+
+class Recorded(NamedTuple):
+    """What a loop fills; n steps.
+
+    Attributes
+    ----------
+    states : ndarray of float64, shape (n + 1, 8)
+        Of the plant.
+    positions : ndarray of int64, shape (n + 1, 3)
+        Applied until now.
+    shown, seen : ndarray of float64, shape (n, 8)
+        What was measured, and what the controller saw.
+    before : ndarray of int64, shape (n, 3)
+        Positions that the controller was told.
+    reference : ndarray of float64, shape (n, 2)
+        Current reference that it saw.
+    decided, wished : ndarray of int64, shape (n, 7)
+        Decisions of the controller and of the shadow.
+    """
+
+    states: FloatArray
+    positions: IntArray
+    shown: FloatArray
+    seen: FloatArray
+    before: IntArray
+    reference: FloatArray
+    decided: IntArray
+    wished: IntArray
+
+
+@njit
+def _as_asked(outer, k, x, state):
+    """Stand in where references and speed are those of the profile."""
+    return 0
+
+
+@njit
+def _sense(sensed, filters, estimators, k, state, vdc, omega_r, before, x):
+    """What sensors, capacitor filters and the flux observer say of the plant."""
+    measure(sensed, k, state, x)
+    step_row(filters[0], filters[1], x, before)
+    if estimators.use_flux and k >= estimators.flux_from:
+        rotor_flux.step_row(estimators.flux, estimators.flux_state, x, vdc, omega_r, before)
+
+
+@njit
+def _adapt(estimators, adapt, parameters, k, x, vdc, omega_r, before):
+    """Scale the controller by the estimate of the step before, then estimate."""
+    adapt(estimators.leakage_state[0] >> leakage.GUARD, estimators.given, parameters)
+    word, _ = leakage.step_row(
+        estimators.leakage, estimators.leakage_state, x, vdc, omega_r, before, 0
+    )
+    estimators.theta[k] = word
+
+
+@njit
+def _switch(switches, state, before, applied, omega_r, vdc):
+    """Let the inverter apply positions for a period."""
+    if switches.dead_time:
+        switched_step(switches.dead, switches.rest, state, before, applied, omega_r, vdc)
+    else:
+        plant_step(switches.plant, state, applied, omega_r, vdc)
+
+
+def _steps(
+    decide, parameters, wish, wishing, ask, outer, adapt, estimators, sensed, filters, first_row,
+    timing, switches, profile, state, applied, out,
+):  # fmt: skip
+    """The loop; `_loop` is the same, compiled for the functions that are passed.
+
+    It is sense, estimate, ask, decide, delay, switch and load.
+    """
+    omega_s, omega_r, vdc, iref = profile
+    x, reference = np.empty(8), np.empty(2)
     decided = applied.copy()
     for k in range(len(vdc)):
-        states[k] = state
-        before = positions[k] + first_row
-        if delay:
+        out.states[k] = state
+        before = out.positions[k] + first_row
+        if timing.delay:
             # What was decided a step ago takes effect now; what is decided now, a step later.
             applied[:] = decided
-        measure(sensed, k, state, x)
-        step_row(filters, filtered, x, before)
-        if estimators.use_flux and k >= estimators.flux_from:
-            rotor_flux.step_row(
-                estimators.flux, estimators.flux_state, x, vdc[k], omega_r[k], before
-            )
-        shown[k] = x
+        _sense(sensed, filters, estimators, k, state, vdc[k], omega_r[k], before, x)
+        out.shown[k] = x
+        ask(outer, k, x, state)
         if estimators.use_leakage:
-            # the decision works with the estimate of the step before
-            adapt(estimators.leakage_state[0] >> leakage.GUARD, estimators.given, parameters)
-            word, _ = leakage.step_row(
-                estimators.leakage, estimators.leakage_state, x, vdc[k], omega_r[k], before, 0
-            )
-            estimators.theta[k] = word
+            _adapt(estimators, adapt, parameters, k, x, vdc[k], omega_r[k], before)
         reference[0], reference[1] = iref[k].real, iref[k].imag
-        if delay and compensate:
-            ideal.advance(predictor, x, applied, omega_r[k], vdc[k])
-            turned = iref[k] * cmath.exp(1j * omega_s[k] * predictor.ts)
+        if timing.delay and timing.compensate:
+            ideal.advance(timing.predictor, x, applied, omega_r[k], vdc[k])
+            turned = iref[k] * cmath.exp(1j * omega_s[k] * timing.predictor.ts)
             reference[0], reference[1] = turned.real, turned.imag
-        seen[k] = x
-        seen_s[k] = applied
-        seen_iref[k] = reference
+        out.seen[k] = x
+        out.before[k] = applied
+        out.reference[k] = reference
         d = decide(parameters, x[:4], x[4:], vdc[k], reference, omega_s[k], omega_r[k], applied)
+        e = wish(wishing, x[:4], x[4:], vdc[k], reference, omega_s[k], omega_r[k], applied)
         for column in range(7):
-            out[k, column] = d[column]
-        if use_shadow:
-            e = shadow(
-                shadow_parameters, x[:4], x[4:], vdc[k], reference, omega_s[k], omega_r[k], applied
-            )
-            for column in range(7):
-                shadow_out[k, column] = e[column]
+            out.decided[k, column] = d[column]
+            out.wished[k, column] = e[column]
         decided[0], decided[1], decided[2] = d[0], d[1], d[2]
-        if not delay:
+        if not timing.delay:
             applied[:] = decided
-        positions[k + 1] = applied
-        if dead_time:
-            switched_step(dead, rest, state, positions[k], applied, omega_r[k], vdc[k])
-        else:
-            plant_step(plant, state, applied, omega_r[k], vdc[k])
-    states[len(vdc)] = state
+        out.positions[k + 1] = applied
+        _switch(switches, state, out.positions[k], applied, omega_r[k], vdc[k])
+    out.states[len(vdc)] = state
+
+
+_loop = njit(kept=False)(_steps)
 
 
 class Estimators(NamedTuple):
@@ -628,59 +710,85 @@ def simulate(
             raise ValueError(f"a profile of {total} steps is needed, got {len(profile)}")
     else:
         profile = constant_profile(drive, point, total, rng.uniform(0.0, 2 * math.pi))
-    real = plant_drive or drive
-    plant = plant_data(
-        real.machine, real.inverter.xdc, real.inverter.xph, drive.ts_pu, drive.converter
-    )
     state, applied = initial_conditions(profile, rng, disturbance, drive.converter)
-    dead, rest = split(plant, _per_unit(drive, errors))
-
-    predictor = ideal.predictor_parameters(drive)
-    states = np.empty((total + 1, STATES))
-    positions = np.empty((total + 1, 3), np.int64)
-    positions[0] = applied
-    shown, seen = np.empty((total, STATES)), np.empty((total, STATES))
-    filters = CapacitorFilter(drive)
     estimators = _estimators(
         drive, state, total, parameters, flux_observer, leakage_estimate, observed_from
     )
-    seen_s = np.empty((total, 3), np.int64)
-    seen_iref = np.empty((total, 2))
-    out = np.zeros((total, 7), np.int64)
-    shadow_out = np.zeros((total if shadow is not None else 1, 7), np.int64)
+    return _run(
+        drive, profile, settle, total,
+        (
+            decide, parameters.copy() if leakage_estimate else parameters,
+            _no_shadow if shadow is None else shadow,
+            0 if shadow is None else shadow_parameters, _as_asked, 0,
+            leakage.scaled if leakage_estimate else _as_given,
+        ),
+        state, applied, estimators, errors, plant_drive or drive, CapacitorFilter(drive),
+        Timing(delay, compensate, ideal.predictor_parameters(drive)), shadow is not None, True,
+    )  # fmt: skip
+
+
+def _run(
+    drive: FiveLevelDrive,
+    profile: Profile,
+    settle: int,
+    total: int,
+    controllers: tuple[Any, ...],
+    state: FloatArray,
+    applied: IntArray,
+    estimators: Estimators,
+    errors: DriveErrors,
+    real: FiveLevelDrive,
+    filters: CapacitorFilter,
+    timing: Timing,
+    shadow: bool,
+    compiled: bool,
+) -> ClosedLoopResult:
+    """Put the parts of a loop together, run it, and keep what comes after `settle` steps."""
+    plant = plant_data(
+        real.machine, real.inverter.xdc, real.inverter.xph, drive.ts_pu, drive.converter
+    )
+    dead, rest = split(plant, _per_unit(drive, errors))
+    out = Recorded(
+        states=np.empty((total + 1, STATES)),
+        positions=np.empty((total + 1, 3), np.int64),
+        shown=np.empty((total, STATES)),
+        seen=np.empty((total, STATES)),
+        before=np.empty((total, 3), np.int64),
+        reference=np.empty((total, 2)),
+        decided=np.zeros((total, 7), np.int64),
+        wished=np.zeros((total, 7), np.int64),
+    )
+    out.positions[0] = applied
     omega_s, omega_r, vdc, iref = (
         np.ascontiguousarray(a[:total])
         for a in (profile.omega_s, profile.omega_r, rippled(drive, profile, errors), profile.iref)
     )
-    _loop(
-        decide, parameters.copy() if leakage_estimate else parameters,
-        _no_shadow if shadow is None else shadow, 0 if shadow is None else shadow_parameters,
-        shadow is not None, plant, delay, compensate, predictor,
-        omega_s, omega_r, vdc, iref, state, applied, states, positions,
-        seen, seen_s, seen_iref, out, shadow_out, sensors(errors, total), dead, rest,
-        errors.dead_time > 0.0, filters.coefficient, filters.state, shown,
-        estimators, leakage.scaled if leakage_estimate else _as_given, filters.first_row,
+    *chosen, adapt = controllers
+    (_loop if compiled else _steps)(
+        *chosen, adapt, estimators, sensors(errors, total), (filters.coefficient, filters.state),
+        filters.first_row, timing, Switches(plant, dead, rest, errors.dead_time > 0.0),
+        (omega_s, omega_r, vdc, iref), state, applied, out,
     )  # fmt: skip
 
     keep = slice(settle, total)
     return ClosedLoopResult(
         ts=drive.ts_pu,
-        state=states[settle:],
-        positions=positions[settle:],
-        shown=shown[settle:],
+        state=out.states[settle:],
+        positions=out.positions[settle:],
+        shown=out.shown[settle:],
         seen=MpdccTrace(
-            x_m=seen[keep, :4].copy(),
-            x_inv=seen[keep, 4:].copy(),
+            x_m=out.seen[keep, :4].copy(),
+            x_inv=out.seen[keep, 4:].copy(),
             vdc=vdc[keep],
-            iref=seen_iref[keep],
+            iref=out.reference[keep],
             omega_s=omega_s[keep],
             omega_r=omega_r[keep],
-            s_prev=seen_s[keep],
+            s_prev=out.before[keep],
         ),
-        decisions=Decisions.of_words(out[keep]),
-        shadow=Decisions.of_words(shadow_out[keep]) if shadow is not None else None,
+        decisions=Decisions.of_words(out.decided[keep]),
+        shadow=Decisions.of_words(out.wished[keep]) if shadow else None,
         profile=Profile(profile.start, omega_s[keep], omega_r[keep], vdc[keep], iref[keep]),
-        theta=estimators.theta[keep] / float(1 << leakage.FRACTION),
+        theta=estimators.theta[keep] / float(1 << leakage.FRACTION) if compiled else None,
         leg=drive.converter,
     )
 
@@ -752,92 +860,42 @@ def drive_controller(
     StateError
         If an answer is no decision, or with `checked` a transition that the inverter does not have.
     """
-    total = settle + steps
-    leg = drive.converter
-    state, positions = initial_conditions(profile, leg=leg)
-    # the plant's machine and inverter, the controller's control period
-    other = plant_drive or drive
-    real = drive.changed(machine=asdict(other.machine), inverter=other.inverter.model_dump())
-    link = rippled(drive, profile, errors)
-    plant = Plant(real, float(profile.omega_r[0]), float(link[0]), state)
-    dead, rest = split(plant.data, _per_unit(drive, errors))
-    sensed, x = sensors(errors, total), np.empty(STATES)
-    shown = np.empty((total, STATES))
-    states = np.empty((total + 1, STATES))
-    applied = np.empty((total + 1, 3), np.int64)
-    before = np.empty((total, 3), np.int64)
-    out = np.zeros((total, 7), np.int64)
-    applied[0] = positions
-    decided = positions
-    filters = CapacitorFilter(drive)
-    observer = rotor_flux.FluxObserver(drive, complex(*state[:2]), complex(*state[2:4]))
-    for k in range(total):
-        states[k] = plant.state
-        before[k] = decided if delay else applied[k]
-        measure(sensed, k, plant.state, x)
-        if filtered:
-            filters.row(x, applied[k])
-        if flux_observer and k > 0:
-            observer.row(x, float(link[k]), float(profile.omega_r[k]), applied[k])
-        shown[k] = x
+    total, leg = settle + steps, drive.converter
+    real, made = plant_drive or drive, 0
+
+    def _ask(_: Any, k: int, x: FloatArray, state: FloatArray) -> None:
         if outer is not None:
             outer.ask(k, x)
-            outer.turn(
-                k, other.machine.torque(complex(*plant.state[:2]), complex(*plant.state[2:4]))
-            )
+            outer.turn(k, real.machine.torque(complex(*state[:2]), complex(*state[2:4])))
+
+    def _decide(
+        _: Any, x_m: FloatArray, x_inv: FloatArray, vdc: float, reference: FloatArray,
+        omega_s: float, omega_r: float, before: IntArray,
+    ) -> tuple[int, ...]:  # fmt: skip
+        nonlocal made
         seen = MpdccState(
-            current=complex(*x[:2]),
-            flux=complex(*x[2:4]),
-            v_n=x[4],
-            v_ph=tuple(x[5:]),
-            current_ref=profile.iref[k],
-            omega_s=profile.omega_s[k],
-            omega_r=profile.omega_r[k],
-            applied=tuple(before[k]),
-            vdc=link[k],
-        )
-        decision = mpdcc_decision(controller.decide(seen), k)
-        for phase, old, new in zip("abc", before[k], decision.apply, strict=True):
+            current=complex(*x_m[:2]), flux=complex(*x_m[2:]), v_n=x_inv[0], v_ph=tuple(x_inv[1:]),
+            current_ref=complex(*reference), omega_s=omega_s, omega_r=omega_r,
+            applied=tuple(before), vdc=vdc,
+        )  # fmt: skip
+        decision = mpdcc_decision(controller.decide(seen), made)
+        for phase, old, new in zip("abc", before, decision.apply, strict=True):
             if checked and new not in leg.next_positions[old]:
                 raise StateError(
-                    f"step {k}: decision: phase {phase} may not go from position {old} to {new}; "
-                    f"it may to {', '.join(map(str, leg.next_positions[old]))}"
+                    f"step {made}: decision: phase {phase} may not go from position {old} to {new}"
+                    f"; it may to {', '.join(map(str, leg.next_positions[old]))}"
                 )
-        out[k] = (
+        made += 1
+        if progress is not None:
+            progress(made)
+        return (
             *decision.apply, decision.held, decision.deadlock, decision.length, decision.saturated,
         )  # fmt: skip
-        decided = out[k, :3]
-        applied[k + 1] = before[k] if delay else decided
-        plant.omega_r, plant.vdc = float(profile.omega_r[k]), float(link[k])
-        if errors.dead_time > 0.0:
-            switched_step(
-                dead, rest, plant.state, applied[k], applied[k + 1], plant.omega_r, plant.vdc
-            )
-        else:
-            plant.step(applied[k + 1])
-        if progress is not None:
-            progress(k + 1)
-    states[total] = plant.state
-    keep = slice(settle, total)
-    iref = profile.iref[keep]
-    return ClosedLoopResult(
-        ts=drive.ts_pu,
-        state=states[settle:],
-        positions=applied[settle:],
-        shown=shown[settle:],
-        seen=MpdccTrace(
-            x_m=shown[keep, :4].copy(),
-            x_inv=shown[keep, 4:].copy(),
-            vdc=link[keep],
-            iref=np.column_stack([iref.real, iref.imag]),
-            omega_s=profile.omega_s[keep],
-            omega_r=profile.omega_r[keep],
-            s_prev=before[keep],
-        ),
-        decisions=Decisions.of_words(out[keep]),
-        shadow=None,
-        profile=Profile(
-            profile.start, profile.omega_s[keep], profile.omega_r[keep], link[keep], iref
-        ),
-        leg=leg,
-    )
+
+    state, applied = initial_conditions(profile, leg=leg)
+    filters = CapacitorFilter(drive if filtered else drive.with_control(capacitor_filter=0))
+    return _run(
+        drive, profile, settle, total, (_decide, 0, _no_shadow, 0, _ask, outer, _as_given), state,
+        applied, _estimators(drive, state, total, None, flux_observer, False, 1), errors, real,
+        filters, Timing(delay, False, ideal.predictor_parameters(drive)), False, False,
+    )  # fmt: skip
