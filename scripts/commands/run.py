@@ -247,7 +247,7 @@ def _mptc(given: argparse.Namespace, drive: MptcDrive, new: Outputs) -> _Result:
 
 def _turning(given: argparse.Namespace, drive: Any, new: Outputs) -> _Result:
     """Run a scenario with a speed controller and write its files."""
-    two_level = isinstance(drive, MptcDrive)
+    two_level = drive.controller == "mptc"
     if two_level and given.speed is not None:
         given.speed *= RPM * drive.machine.pole_pairs
     asked = scenario(drive, given.scenario, given.speed, given.inertia)
@@ -281,7 +281,7 @@ def _moved(result: SimulationResult) -> Table:
     table = Table(title="Scenario", show_header=False)
     table.add_column("", style="bold")
     table.add_column("")
-    pu = not isinstance(result.drive, MptcDrive)
+    pu = result.drive.controller != "mptc"
     speed, torque, current = ("pu", "pu", "pu") if pu else ("rad/s", "N m", "A")
     last, omega, time = result.speed_ref[-1], result.omega_r, result.time
     outside = np.flatnonzero(np.abs(omega - last) > 0.02 * abs(last))
@@ -369,7 +369,7 @@ def _run(given: argparse.Namespace) -> int | None:
     console = Console(width=None if sys.stdout.isatty() else 110)
     drive: Any = (load_core_drive if given.scenario is None else load_drive)(given.drive)
     _check_scenario(given, drive)
-    if isinstance(drive, MptcDrive):
+    if drive.controller == "mptc":
         _check_mptc(given, drive)
     else:
         _check_mpdcc(given, drive)
@@ -384,7 +384,7 @@ def _run(given: argparse.Namespace) -> int | None:
         try:
             if given.scenario is not None:
                 done = _turning(given, drive, new)
-            elif isinstance(drive, Drive):
+            elif drive.controller == "mpdcc":
                 done = _mpdcc(given, drive, new)
             else:
                 done = _mptc(given, drive, new)

@@ -44,7 +44,6 @@ from directmpc.drive_tables import (
     validated,
 )  # fmt: skip
 from directmpc.mpdcc.coefficients import inwards, second_level, weighted_deadlock
-from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, served
 from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import replay
@@ -319,7 +318,6 @@ def core_of(request: Request) -> tuple[str, Generics]:
     drive = load_core_drive(request.drive)
     if isinstance(drive, MptcDrive):
         return ("mptc_family_core" if drive.control.sequences else "mptc_core"), {}
-    assert isinstance(drive, Drive)
     try:
         drive, _ = served(drive, request.variant)
         values = VARIANTS[request.variant].registers(drive).array()

@@ -14,7 +14,6 @@ from pathlib import Path
 
 from directmpc.api.drive_file import load_drive
 from directmpc.kbest import bit_true
-from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import closed_loop, metrics
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from scripts.hdl import states
@@ -70,7 +69,6 @@ def run(setting: Setting, steps: int, periods: int) -> dict[str, float]:
     if setting.scheme not in BEAMS:
         return pwm.run(setting, steps, periods)
     drive = load_drive(f"{setting.drive}_kbest")
-    assert isinstance(drive, KbestDrive)
     drive = drive.with_control(
         lambda_u=setting.value, bound_vn=setting.bound_vn, bound_vph=setting.bound_vph,
         **BEAMS[setting.scheme],

@@ -213,7 +213,6 @@ def simulate(
     """Run a closed loop from the steady state without load, on the RTL."""
     factors = dict(factors or {})
     real = plant_with(drive, factors)
-    assert isinstance(real, MptcDrive)
     scenario = _scenario(drive, point, steps)
     several = drive.control.sequences
     twin = bit_true_sequences.run if several else bit_true.run

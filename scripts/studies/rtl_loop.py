@@ -131,7 +131,6 @@ def simulate(
     """
     factors = dict(factors or {})
     real = plant_with(drive, factors)
-    assert isinstance(real, Drive)
     period = 2 * math.pi / abs(speed * drive.ts_pu)
     count = steps if steps is not None else math.ceil(PERIODS * period)
     profile = constant_profile(drive, OperatingPoint(speed), count)

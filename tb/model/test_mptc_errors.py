@@ -21,7 +21,6 @@ import pytest
 
 from directmpc import IdealController, MptcErrors, load_drive, simulate
 from directmpc.api.drive_file import load_mptc_drive
-from directmpc.api.simulation import MPTC_FACTORS
 from directmpc.mptc import bit_true, closed_loop
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc import errors as e
@@ -301,7 +300,7 @@ def test_both_ways_of_running_a_loop_agree(drive: MptcDrive, method: str) -> Non
 def test_every_method_runs_with_errors_on_any_machine(drive: MptcDrive, method: str) -> None:
     given = drive.with_control(method=method)
     plain = simulate(given, "model", steps=150)
-    for name, factor in itertools.product(MPTC_FACTORS, (0.5, 1.5)):
+    for name, factor in itertools.product(drive.plant_factors, (0.5, 1.5)):
         found = simulate(given, "model", steps=150, plant_factors={name: factor})
         assert np.isfinite(found.current).all(), name
         assert np.abs(found.current - plain.current).max() > 1e-3, name

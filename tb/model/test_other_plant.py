@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from directmpc import decide, load_drive, simulate
-from directmpc.api.simulation import MPTC_FACTORS, factors_of, plant_with
+from directmpc.api.simulation import factors_of, plant_with
 from directmpc.drive_tables import DriveError
 from directmpc.mpdcc import observer
 from directmpc.mpdcc.closed_loop import OperatingPoint, constant_profile, initial_conditions
@@ -45,7 +45,7 @@ def test_factors_of_a_two_level_plant_keep_what_they_do_not_name() -> None:
     m = load_drive("induction_2kw2").machine
     found = {
         name: plant_with(load_drive("induction_2kw2"), {name: 1.25}).machine
-        for name in MPTC_FACTORS
+        for name in load_drive("induction_2kw2").plant_factors
     }
     assert found["rs"] == m.model_copy(update={"rs": 1.25 * m.rs})
     assert found["rr"] == m.model_copy(update={"rr": 1.25 * m.rr})

@@ -2,61 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
-from directmpc.kbest import bit_true as kbest_bit_true
-from directmpc.kbest import ideal as kbest_ideal
+from directmpc.api.kinds import ENGINES, Kind, kind_of
 from directmpc.kbest.drive import KbestDrive
-from directmpc.mpdcc import ideal as mpdcc_ideal
-from directmpc.mpdcc.bit_true import common as mpdcc_words
-from directmpc.mpdcc.drive import Drive, FiveLevelDrive, only_default
-from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
+from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.leakage import LeakageEstimate
-from directmpc.mpdcc.trace import MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS
-from directmpc.mptc import bit_true as mptc_bit_true
-from directmpc.mptc import bit_true_sequences, ideal_sequences
-from directmpc.mptc import coefficients as mptc_coefficients
-from directmpc.mptc import ideal as mptc_ideal
 from directmpc.mptc.drive import MptcDrive
-from directmpc.mptc.formats import MEASUREMENTS as MPTC_MEASUREMENTS
-from directmpc.mptc.ideal_sequences import TOO_LARGE
-from directmpc.mptc.sequence import TIME_STEPS, whole
 from directmpc.native import Design
-from directmpc.states import (
-    Decision,
-    MpdccDecision,
-    MpdccState,
-    MptcDecision,
-    MptcState,
-    State,
-    StateError,
-    VectorSequence,
-)
-
-ENGINES = ("ideal", "model", "rtl")
-KBEST_ENGINES = ("ideal", "model")
-
-
-def check_drive(drive: Any) -> None:
-    """Refuse what is no drive.
-
-    Parameters
-    ----------
-    drive : any
-        What a caller gave as a drive.
-
-    Raises
-    ------
-    TypeError
-        If it is none; the message says what it is and what makes one.
-    """
-    if not isinstance(drive, FiveLevelDrive | MptcDrive):
-        raise TypeError(f"drive: got a {type(drive).__name__}; load_drive makes what is needed")
+from directmpc.states import Decision, State
 
 
 def check_engine(engine: Any, variant: Any) -> None:
@@ -80,8 +36,8 @@ def check_engine(engine: Any, variant: Any) -> None:
             raise ValueError(f"{name}: got {value!r:.40}; it must be {allowed}")
 
 
-def served_by(drive: Drive | KbestDrive | MptcDrive, engine: str) -> None:
-    """Refuse an engine that a drive's controller does not have.
+def served_by(drive: Drive | KbestDrive | MptcDrive, engine: str) -> Kind:
+    """The kind of a drive, which has to have an engine.
 
     Parameters
     ----------
@@ -90,14 +46,23 @@ def served_by(drive: Drive | KbestDrive | MptcDrive, engine: str) -> None:
     engine : str
         One of `ENGINES`.
 
+    Returns
+    -------
+    Kind
+        Of the drive.
+
     Raises
     ------
+    TypeError
+        If it is no drive.
     ValueError
-        If the controller does not have it.
+        If its controller does not have the engine.
     """
-    if isinstance(drive, KbestDrive) and engine not in KBEST_ENGINES:
-        allowed = " and ".join(f'"{one}"' for one in KBEST_ENGINES)
-        raise ValueError(f'engine: got "{engine}"; a drive of kbest has {allowed}')
+    kind = kind_of(drive)
+    if engine not in kind.engines:
+        allowed = " and ".join(f'"{one}"' for one in kind.engines)
+        raise ValueError(f'engine: got "{engine}"; a drive of {drive.controller} has {allowed}')
+    return kind
 
 
 def state_of(drive: Drive | KbestDrive | MptcDrive, state: State | Mapping[str, Any]) -> State:
@@ -122,7 +87,7 @@ def state_of(drive: Drive | KbestDrive | MptcDrive, state: State | Mapping[str, 
     StateError
         If a row lacks a column or a value is impossible.
     """
-    wanted = MpdccState if isinstance(drive, FiveLevelDrive) else MptcState
+    wanted = kind_of(drive).state
     if isinstance(state, wanted):
         return state
     if isinstance(state, Mapping):
@@ -150,9 +115,8 @@ class IdealController:
     """
 
     def __init__(self, drive: Drive | KbestDrive | MptcDrive) -> None:
-        check_drive(drive)
-        self.drive = drive
-        self._decide, self._parameters = compiled_controller(drive, "ideal", DEFAULT_VARIANT)
+        self.drive, self._kind = drive, kind_of(drive)
+        self._decide, self._parameters = self._kind.compiled(drive, "ideal", DEFAULT_VARIANT)
 
     def decide(self, state: State | Mapping[str, Any]) -> Decision:
         """Decide on one step.
@@ -174,10 +138,8 @@ class IdealController:
         StateError
             If a value of the state is impossible; a ValueError.
         """
-        known = state_of(self.drive, state)
-        if isinstance(self.drive, Drive) and self.drive.control.delay_compensation:
-            known = _one_step_on(self.drive, self._parameters, known)
-        return _decision(self.drive, self._decide, self._parameters, known)
+        known = self._kind.shown(self.drive, self._parameters, state_of(self.drive, state))
+        return self._kind.decide(self.drive, self._decide, self._parameters, known)
 
 
 class ModelController:
@@ -202,10 +164,9 @@ class ModelController:
     def __init__(
         self, drive: Drive | KbestDrive | MptcDrive, variant: str = DEFAULT_VARIANT
     ) -> None:
-        check_drive(drive)
+        self.drive, self._kind = drive, kind_of(drive)
         check_engine("model", variant)
-        self.drive = drive
-        self._decide, self._parameters = compiled_controller(drive, "model", variant)
+        self._decide, self._parameters = self._kind.compiled(drive, "model", variant)
         self._given = self._parameters
 
     def decide(self, state: State | Mapping[str, Any]) -> Decision:
@@ -229,7 +190,7 @@ class ModelController:
             If a value of the state is impossible; a ValueError.
         """
         known = state_of(self.drive, state)
-        return _decision(self.drive, self._decide, self._parameters, known)
+        return self._kind.decide(self.drive, self._decide, self._parameters, known)
 
     def scale(self, estimate: LeakageEstimate) -> bool:
         """Scale the slopes of the current for the decisions to come; MPDCC alone.
@@ -281,29 +242,12 @@ class RtlController:
     def __init__(
         self, drive: Drive | KbestDrive | MptcDrive, variant: str = DEFAULT_VARIANT
     ) -> None:
-        check_drive(drive)
         check_engine("rtl", variant)
-        served_by(drive, "rtl")
-        self.drive = drive
+        self.drive, self._kind = drive, served_by(drive, "rtl")
         self.cycles: list[int] = []
         self.words: list[int] = []
-        self._formats: tuple[Any, ...] = ()
-        if isinstance(drive, Drive):
-            only_default(drive)
-            given = VARIANTS[variant].registers(drive)
-            name, parameters = "mpdcc_core" + "_paper" * (variant == "paper"), given.ports()
-            self._given, self._places = given.array(), list(parameters)
-        else:
-            assert isinstance(drive, MptcDrive)
-            chosen = mptc_coefficients.registers(drive).ports()
-            parameters = {n: v for n, v in chosen.items() if n.startswith("c_")}
-            parameters["method_mpfc"] = int(drive.control.method == "MPFC")
-            self._formats = mptc_bit_true.parameters(drive)[1:]
-            name = "mptc_core"
-            if drive.control.sequences:
-                name = "mptc_family_core"
-                _, method, rule, *_ = bit_true_sequences.parameters(drive)
-                parameters |= {"family_method": method + 1, "duty_rule": rule}
+        name, parameters, self._given = self._kind.core(drive, variant)
+        self._places, self._encode = list(parameters), self._kind.encoder(drive)
         self.design = Design(name)
         self.design.give(parameters)
 
@@ -329,38 +273,12 @@ class RtlController:
         NativeError
             If the core does not answer.
         """
-        known = state_of(self.drive, state)
-        if isinstance(known, MpdccState):
-            row = mpdcc_row(self.drive, known)
-            words, clipped = mpdcc_words.encode_row(
-                row.x_m[0], row.x_inv[0], row.vdc[0], row.iref[0], row.omega_s[0], row.omega_r[0]
-            )
-            names = MPDCC_MEASUREMENTS
-            positions = {f"s_prev_{x}": s for x, s in zip("abc", known.applied, strict=True)}
-        else:
-            assert isinstance(self.drive, MptcDrive)
-            applied = _applied(self.drive, known)
-            words, clipped = mptc_bit_true.encode_row(
-                *self._formats, known.current, known.flux, known.omega_r,
-                self.drive.inverter.vdc, known.torque_ref, known.psi_ref,
-            )  # fmt: skip
-            names = MPTC_MEASUREMENTS
-            positions = {"u": applied} if isinstance(applied, int) else _sequence_ports(applied)
-        self.words = [int(word) for word in words]
-        self.design.give(dict(zip(names, self.words, strict=True)) | positions)
+        words, applied, clipped = self._encode(state_of(self.drive, state))
+        self.words = list(words.values())
+        self.design.give(words | applied)
         out, cycles = self.design.decide()
         self.cycles.append(cycles)
-        saturated = bool(out["saturated"] or clipped)
-        if isinstance(known, MpdccState):
-            apply = (out["s_a"], out["s_b"], out["s_c"])
-            return MpdccDecision(
-                apply, bool(out["held"]), bool(out["deadlock"]), out["length"], saturated
-            )
-        u: int | VectorSequence = out["u_next"]
-        if isinstance(self.drive, MptcDrive) and self.drive.control.sequences:
-            times = (out[f"next_t{n}"] / TIME_STEPS for n in (1, 2))
-            u = VectorSequence(out["next_u1"], out["next_u2"], out["next_u3"], *times)
-        return MptcDecision(u, saturated, bool(out["clamped"]))
+        return self._kind.decision(self.drive, out, bool(out["saturated"] or clipped))
 
     def scale(self, estimate: LeakageEstimate) -> bool:
         """Scale the slopes of the current for the decisions to come; MPDCC alone.
@@ -379,12 +297,6 @@ class RtlController:
         ports = parameters.tolist()[: len(self._places)]  # what is built in is none
         self.design.give(dict(zip(self._places, ports, strict=True)))
         return saturated
-
-
-def _sequence_ports(applied: VectorSequence) -> dict[str, int]:
-    """A running sequence as the ports of mptc_family_core; u is its last vector."""
-    u1, u2, u3, t1, t2 = (int(value) for value in bit_true_sequences.in_steps(applied))
-    return {"u": u1, "u1": u1, "u2": u2, "u3": u3, "t1": t1, "t2": t2}
 
 
 def compiled_controller(
@@ -413,111 +325,7 @@ def compiled_controller(
     ValueError
         If the controller has no such engine, or the model cannot represent the drive.
     """
-    served_by(drive, engine)
-    if isinstance(drive, KbestDrive):
-        chosen = kbest_ideal if engine == "ideal" else kbest_bit_true
-        return chosen.decide, chosen.parameters_of(drive)
-    if isinstance(drive, Drive):
-        if engine == "ideal":
-            return mpdcc_ideal.decide, mpdcc_ideal.ideal_parameters(drive)
-        return VARIANTS[variant].decide, VARIANTS[variant].registers(drive).array()
-    if engine == "ideal" and drive.control.sequences:
-        return ideal_sequences.decide, ideal_sequences.sequence_parameters(drive)
-    if engine == "ideal":
-        return mptc_ideal.decide, mptc_ideal.ideal_parameters(drive)
-    if drive.control.sequences:
-        return bit_true_sequences.decide, bit_true_sequences.parameters(drive)
-    return mptc_bit_true.decide, mptc_bit_true.parameters(drive)
-
-
-def _decision(
-    drive: Drive | KbestDrive | MptcDrive, decide: Any, parameters: Any, state: State
-) -> Decision:
-    """Call a compiled function with the values of a state."""
-    if isinstance(state, MpdccState):
-        row = mpdcc_row(drive, state)
-        s_a, s_b, s_c, held, deadlock, length, saturated = decide(
-            parameters, row.x_m[0], row.x_inv[0], row.vdc[0], row.iref[0], row.omega_s[0],
-            row.omega_r[0], row.s_prev[0],
-        )  # fmt: skip
-        apply = (int(s_a), int(s_b), int(s_c))
-        return MpdccDecision(apply, bool(held), bool(deadlock), int(length), bool(saturated))
-    assert isinstance(drive, MptcDrive)
-    u, saturated, clamped = decide(
-        parameters, state.current, state.flux, state.omega_r, _applied(drive, state),
-        drive.inverter.vdc if state.vdc is None else state.vdc, state.torque_ref, state.psi_ref,
-    )  # fmt: skip
-    chosen = VectorSequence(*u) if drive.control.sequences else int(u)
-    if isinstance(chosen, VectorSequence) and not math.isfinite(chosen.t1 + chosen.t2):
-        raise StateError(TOO_LARGE)
-    return MptcDecision(chosen, bool(saturated), bool(clamped))
-
-
-def _applied(drive: MptcDrive, state: MptcState) -> int | VectorSequence:
-    """What is being applied, as the drive's method takes it."""
-    applied = state.applied
-    if drive.control.sequences:
-        return whole(applied) if isinstance(applied, int) else applied
-    if not isinstance(applied, int):
-        raise StateError(
-            f"applied: got {tuple(applied)}; {drive.control.method} applies one vector a period, "
-            "its number is needed"
-        )
-    return applied
-
-
-def mpdcc_row(drive: Drive | KbestDrive | MptcDrive, state: MpdccState) -> MpdccTrace:
-    """A state as a trace of one row.
-
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        Gives v_dc where the state has none.
-    state : MpdccState
-        Per unit.
-
-    Returns
-    -------
-    MpdccTrace
-        One row, per unit.
-
-    Raises
-    ------
-    StateError
-        If the converter has not got a position of the state.
-    """
-    vdc = drive.inverter.vdc if state.vdc is None else state.vdc
-    if isinstance(drive, FiveLevelDrive) and max(state.applied) >= drive.converter.positions:
-        raise StateError(
-            f"applied: got {tuple(state.applied)}; {drive.converter.name} has the positions 0 to "
-            f"{drive.converter.positions - 1}"
-        )
-    return MpdccTrace(
-        x_m=np.array([[state.current.real, state.current.imag, state.flux.real, state.flux.imag]]),
-        x_inv=np.array([[state.v_n, *state.v_ph]]),
-        vdc=np.array([vdc]),
-        iref=np.array([[state.current_ref.real, state.current_ref.imag]]),
-        omega_s=np.array([state.omega_s]),
-        omega_r=np.array([state.omega_r]),
-        s_prev=np.array([state.applied], dtype=np.int64),
-    )
-
-
-def _one_step_on(drive: Drive, parameters: Any, state: State) -> MpdccState:
-    """The state at k + 1 under s(k-1), as a drive with delay compensation decides on it."""
-    assert isinstance(state, MpdccState)
-    row = mpdcc_ideal.one_step_on(parameters, mpdcc_row(drive, state))
-    return MpdccState(
-        current=complex(*row.x_m[0, :2]),
-        flux=complex(*row.x_m[0, 2:]),
-        v_n=row.x_inv[0, 0],
-        v_ph=tuple(row.x_inv[0, 1:]),
-        current_ref=complex(*row.iref[0]),
-        omega_s=state.omega_s,
-        omega_r=state.omega_r,
-        applied=state.applied,
-        vdc=float(row.vdc[0]),
-    )
+    return served_by(drive, engine).compiled(drive, engine, variant)
 
 
 def make_controller(
@@ -546,7 +354,7 @@ def make_controller(
     ValueError
         If there is no such engine or variant, or the model cannot represent the drive.
     """
-    check_drive(drive)
+    kind_of(drive)
     check_engine(engine, variant)
     if engine == "ideal":
         return IdealController(drive)

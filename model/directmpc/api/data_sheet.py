@@ -34,7 +34,7 @@ def data_sheet(drive: Drive | KbestDrive | MptcDrive) -> list[Fact]:
     list of Fact
         Per unit for a five-level inverter, with the SI value; SI for a two-level one.
     """
-    return _two_level(drive) if isinstance(drive, MptcDrive) else _five_level(drive)
+    return _SHEETS[drive.controller](drive)
 
 
 def doubts(drive: Drive | KbestDrive | MptcDrive) -> list[str]:
@@ -119,10 +119,8 @@ def _five_level(drive: FiveLevelDrive) -> list[Fact]:
                 "mechanics.inertia is in s: J omega^2 / 2 at rated frequency over rated power",
             )
         )  # fmt: skip
-    if isinstance(drive, Drive):
-        facts.append(
-            Fact("current THD by the bound, about", 0.7 * drive.control.bound_current, "", si="")
-        )
+    if (bound := getattr(drive.control, "bound_current", None)) is not None:
+        facts.append(Fact("current THD by the bound, about", 0.7 * bound, "", si=""))
     facts += [
         Fact("full scale of currents", CURRENT.high / CURRENT.scale, "pu", quantity="current"),
         Fact("full scale of the flux", FLUX.high / FLUX.scale, "pu", quantity="flux"),
@@ -185,3 +183,7 @@ def _two_level(drive: MptcDrive) -> list[Fact]:
         Fact("full scale of the torque", c.torque_max, "N m"),
         Fact("full scale of the speed", c.speed_max / m.pole_pairs / RPM, "r/min"),
     ]  # fmt: skip
+
+
+_SHEETS = {"mpdcc": _five_level, "kbest": _five_level, "mptc": _two_level}
+"""Facts of a drive, by its controller."""

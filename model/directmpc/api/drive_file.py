@@ -120,7 +120,7 @@ def load_core_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
         As `load_drive`, and if the file is one of K-best.
     """
     drive = load_drive(path)
-    if isinstance(drive, KbestDrive):
+    if drive.controller == "kbest":
         raise DriveFileError(
             f'{path}: controller: got "kbest"; it must be "mpdcc" or "mptc" here: there is no core '
             "of K-best"
@@ -147,7 +147,7 @@ def load_mpdcc_drive(path: str | os.PathLike[str]) -> Drive:
         As `load_drive`, and if the file is one of another controller.
     """
     drive = load_drive(path)
-    if not isinstance(drive, Drive):
+    if drive.controller != "mpdcc":
         raise DriveFileError(
             f'{path}: controller: got "{drive.controller}"; it must be "mpdcc" here'
         )
@@ -173,7 +173,7 @@ def load_mptc_drive(path: str | os.PathLike[str]) -> MptcDrive:
         As `load_drive`, and if the file is one of another controller.
     """
     drive = load_drive(path)
-    if not isinstance(drive, MptcDrive):
+    if drive.controller != "mptc":
         raise DriveFileError(
             f'{path}: controller: got "{drive.controller}"; it must be "mptc" here'
         )

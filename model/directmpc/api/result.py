@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -10,29 +9,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from directmpc.api.kinds import kind_of
 from directmpc.distortion import thd
 from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import trace
-from directmpc.mpdcc.drive import Drive, FiveLevelDrive
-from directmpc.mpdcc.metrics import switching_frequency
+from directmpc.mpdcc.drive import Drive
 from directmpc.mptc import trace as mptc_trace
-from directmpc.mptc.closed_loop import RPM
 from directmpc.mptc.drive import MptcDrive
-from directmpc.states import VectorSequence
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 ComplexArray = NDArray[np.complex128]
-
-
-class Units(NamedTuple):
-    """SI value of 1 in the unit of the drive file, for each kind of quantity."""
-
-    current: float
-    flux: float
-    torque: float
-    speed: float
-    power: float
 
 
 class SiResult(NamedTuple):
@@ -126,9 +113,7 @@ class SimulationResult:
         ndarray of float64, shape (n,)
             pu, or W for MPTC.
         """
-        if isinstance(self.drive, FiveLevelDrive):
-            return self.drive.machine.power(self.current, self.flux, self.omega_r)
-        return self.torque * self.omega_r / self.drive.machine.pole_pairs
+        return kind_of(self.drive).power(self)
 
     @property
     def phase_currents(self) -> FloatArray:
@@ -156,7 +141,7 @@ class SimulationResult:
         ValueError
             If the run does not cover one period of the stator frequency.
         """
-        ts = self.drive.ts_pu if isinstance(self.drive, FiveLevelDrive) else self.drive.control.ts
+        ts = kind_of(self.drive).ts(self.drive)
         samples = self.phase_currents
         if self.current_inside is not None:
             ts *= len(self) / len(self.current_inside)
@@ -173,23 +158,7 @@ class SimulationResult:
         float
             Hz, over all switches of the converter.
         """
-        ts = self.drive.control.ts
-        if isinstance(self.trace, trace.MpdccTrace):
-            assert isinstance(self.drive, FiveLevelDrive)
-            positions = np.vstack([self.trace.s_prev[:1], self.applied])
-            return switching_frequency(positions, ts, self.drive.converter).per_device
-        assert self.commutations is not None
-        return float(self.commutations.sum() / (6.0 * ts * len(self)))
-
-    @property
-    def _units(self) -> Units:
-        """SI of 1 in the drive's unit."""
-        if isinstance(self.drive, MptcDrive):
-            return Units(1.0, 1.0, 1.0, 1.0, 1.0)
-        base = self.drive.base
-        omega = 2.0 * math.pi * base.frequency
-        power = 1.5 * base.voltage * base.current
-        return Units(base.current, base.voltage / omega, power / omega, omega, power)
+        return kind_of(self.drive).switching_frequency(self)
 
     def si(self) -> SiResult:
         """The quantities in SI.
@@ -199,7 +168,7 @@ class SimulationResult:
         SiResult
             Of the same steps.
         """
-        unit = self._units
+        unit = kind_of(self.drive).units(self.drive)
         return SiResult(
             self.time, unit.current * self.current, unit.flux * self.flux,
             unit.torque * self.torque, unit.speed * self.omega_r, unit.power * self.power,
@@ -222,23 +191,10 @@ class SimulationResult:
         """
         from matplotlib import pyplot as plt  # here: who draws nothing does not need it
 
-        unit = self._units
+        look = kind_of(self.drive).look(self.drive)
         figure, axes = plt.subplots(4, 1, sharex=True, figsize=(8.0, 9.0), layout="constrained")
         speed, torque, current, flux = axes
-        if isinstance(self.drive, MptcDrive):
-            name = f"{self.drive.control.method}, {self.drive.inverter.vdc:g} V dc link"
-            labels = ("rad/s", "N m", "A", "Wb")
-            right = [(speed, "r/min", 1.0 / (self.drive.machine.pole_pairs * RPM))]
-            psi, reference = "stator flux", getattr(self.trace, "psi_ref", None)
-        else:
-            volts = math.sqrt(1.5) * self.drive.base.voltage
-            name = f"{self.drive.controller}, {volts / 1e3:.3g} kV"
-            labels, psi, reference = ("pu",) * 4, "rotor flux", None
-            right = [
-                (speed, "Hz, electrical", self.drive.base.frequency),
-                (torque, "N m per pole pair", unit.torque),
-                (current, "A", unit.current), (flux, "Wb", unit.flux),
-            ]  # fmt: skip
+        reference = getattr(self.trace, "psi_ref", None)
         given = {"color": "0.5", "linestyle": "--", "linewidth": 1.0}
         if self.speed_ref is not None:
             speed.plot(self.time, self.speed_ref, **given, label="reference")
@@ -250,22 +206,22 @@ class SimulationResult:
             current.plot(self.time, values, linewidth=0.5, label=f"i_{phase}")
         if reference is not None:
             flux.plot(self.time, reference, **given, label="reference")
-        flux.plot(self.time, np.abs(self.flux), linewidth=0.8, label=psi)
+        flux.plot(self.time, np.abs(self.flux), linewidth=0.8, label=look.flux)
         for axis, what, of in zip(
-            axes, ("electrical speed", "torque", "current", psi), labels, strict=True
+            axes, ("electrical speed", "torque", "current", look.flux), look.units, strict=True
         ):
             axis.set_ylabel(f"{what} ({of})")
             axis.grid(alpha=0.3)
             axis.legend(loc="upper right", fontsize="small", ncols=3)
-        for axis, label, factor in right:
-            other = axis.secondary_yaxis(
+        for number, label, factor in look.right:
+            other = axes[number].secondary_yaxis(
                 "right", functions=(lambda y, f=factor: y * f, lambda y, f=factor: y / f)
             )
             other.set_ylabel(label)
         flux.set_xlabel("time (s)")
         known = {"model": "bit-true model", "rtl": "RTL", "ideal": "ideal controller"}
         engine = known.get(self.controller, self.controller)
-        figure.suptitle(f"{name}, {1e6 * self.drive.control.ts:g} us: {engine}")
+        figure.suptitle(f"{look.title}, {1e6 * self.drive.control.ts:g} us: {engine}")
         return figure
 
     def table(self) -> dict[str, NDArray[Any]]:
@@ -278,31 +234,8 @@ class SimulationResult:
         dict of str to ndarray, shape (n,)
             In the units of the drive file, `time` in s.
         """
-        t, d = self.trace, self.decisions
-        columns: dict[str, NDArray[Any]] = {"time": self.time}
-        if isinstance(t, trace.MpdccTrace) and isinstance(d, trace.Decisions):
-            names = ("is_alpha", "is_beta", "psir_alpha", "psir_beta")
-            columns |= dict(zip(names, t.x_m.T, strict=True))
-            names = ("v_n", "v_ph_a", "v_ph_b", "v_ph_c")
-            columns |= dict(zip(names, t.x_inv.T, strict=True))
-            columns |= {"iref_alpha": t.iref[:, 0], "iref_beta": t.iref[:, 1], "v_dc": t.vdc}
-            columns |= {"omega_s": t.omega_s, "omega_r": t.omega_r}
-            columns |= {f"s_{x}": t.s_prev[:, i] for i, x in enumerate("abc")}
-            columns["torque"] = self.torque
-            columns |= {f"next_s_{x}": d.s[:, i] for i, x in enumerate("abc")}
-            columns |= {"next_held": d.held, "next_deadlock": d.deadlock, "next_length": d.length}
-        elif isinstance(t, mptc_trace.MptcTrace) and isinstance(d, mptc_trace.MptcDecisions):
-            columns |= {"is_alpha": t.i_s[:, 0], "is_beta": t.i_s[:, 1]}
-            columns |= {"psis_alpha": t.psi_s[:, 0], "psis_beta": t.psi_s[:, 1]}
-            columns |= {"omega_r": t.omega_r, "torque_ref": t.torque_ref, "psi_ref": t.psi_ref}
-            columns |= {"u": t.u}
-            if t.vectors is not None and t.times is not None:
-                columns |= _sequence_columns("", t.vectors, t.times)
-            columns |= {"torque": self.torque, "next_u": d.u}
-            if d.vectors is not None and d.times is not None:
-                columns |= _sequence_columns("next_", d.vectors, d.times)
-        columns["next_saturated"] = d.saturated
-        return columns
+        columns = kind_of(self.drive).columns(self.trace, self.decisions, self.torque)
+        return {"time": self.time} | columns | {"next_saturated": self.decisions.saturated}
 
     def write_trace(self, path: str | os.PathLike[str]) -> None:
         """Write what the controller saw as a trace file that `make replay` takes.
@@ -317,19 +250,10 @@ class SimulationResult:
         TraceError
             If the file cannot be written; nothing is left behind then.
         """
-        if isinstance(self.trace, trace.MpdccTrace):
-            trace.write_trace(path, self.trace)
-        else:
-            mptc_trace.write_trace(path, self.trace)
+        kind_of(self.drive).write_trace(path, self.trace)
 
 
 def _phases(current: ComplexArray) -> FloatArray:
     """Currents of the phases a, b, c, shape (n, 3)."""
     turns = np.exp(-2j * np.pi / 3 * np.arange(3))
     return np.real(current[:, None] * turns)
-
-
-def _sequence_columns(prefix: str, vectors: IntArray, times: FloatArray) -> dict[str, NDArray[Any]]:
-    """Columns u1, u2, u3, t1, t2."""
-    columns = [*vectors.T, *times.T]
-    return {f"{prefix}{n}": c for n, c in zip(VectorSequence._fields, columns, strict=True)}

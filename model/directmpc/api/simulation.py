@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from directmpc.api.controllers import (
     ENGINES,
     RtlController,
-    check_drive,
     check_engine,
     compiled_controller,
     make_controller,
     served_by,
 )
-from directmpc.api.dynamics import Course, FieldOrientation, scenario_of
+from directmpc.api.dynamics import Course, FieldOrientation
+from directmpc.api.kinds import KINDS, Kind, kind_of
 from directmpc.api.result import SimulationResult
 from directmpc.drive_tables import DriveError
 from directmpc.kbest.drive import KbestDrive
@@ -31,19 +31,18 @@ from directmpc.mpdcc import closed_loop as mpdcc_loop
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.drive import Drive, FiveLevelDrive
-from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
+from directmpc.mpdcc.errors import DriveErrors
 from directmpc.mpdcc.formats import CURRENT, FLUX
 from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.variants import DEFAULT_VARIANT
 from directmpc.mptc import closed_loop as mptc_loop
-from directmpc.mptc import errors as mptc_errors
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.errors import MptcErrors
 from directmpc.mptc.plant import PlantParameters, plant_parameters, slip
 from directmpc.mptc.sensorless import SensorlessController
 from directmpc.mptc.sensorless import simulate as simulate_sensorless
-from directmpc.states import Controller, Decision, MpdccState, State
+from directmpc.states import Controller, Decision, State
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -62,9 +61,6 @@ The compilation takes seconds in every process; shorter loops are through before
 LEAST_FACTOR, MOST_FACTOR = 0.5, 1.5
 """Range of the factors of `plant_with`."""
 
-#: What `plant_with` may scale of a two-level drive; its leakages are ls - lm and lr - lm.
-MPTC_FACTORS = ("rs", "rr", "leakage", "lm")
-
 
 def factors_of(drive: Drive | KbestDrive | MptcDrive) -> tuple[str, ...]:
     """Names of the factors of `plant_with`.
@@ -79,7 +75,7 @@ def factors_of(drive: Drive | KbestDrive | MptcDrive) -> tuple[str, ...]:
     tuple of str
         Five levels: those of the load, and `xdc`, `xph`.
     """
-    return MPTC_FACTORS if isinstance(drive, MptcDrive) else (*drive.machine.factors, "xdc", "xph")
+    return drive.plant_factors
 
 
 def check_speed(drive: Drive | KbestDrive | MptcDrive, speed: float | None) -> None:
@@ -97,25 +93,8 @@ def check_speed(drive: Drive | KbestDrive | MptcDrive, speed: float | None) -> N
     ValueError
         The message says what is allowed.
     """
-    if speed is None:
-        return
-    if isinstance(drive, MptcDrive):
-        most = drive.control.speed_max
-        if not abs(speed) <= most:
-            raise ValueError(
-                f"speed: got {speed:g}; with control.speed_max = {most:g} it must be from "
-                f"{-most:g} to {most:g} rad/s (electrical)"
-            )
-        return
-    least, most = drive.machine.speeds
-    if not least <= abs(speed) <= most:
-        ranges = f"{-most:g} to {most:g} pu" if least == 0.0 else f"{least:g} to {most:g} pu"
-        raise ValueError(
-            f"speed: got {speed:g}; it must be from {ranges}"
-            + ("" if least == 0.0 else ", or the negative of it")
-        )
-    if speed == 0.0:
-        raise ValueError("speed: got 0; a stator frequency other than 0 is needed")
+    if speed is not None:
+        drive.check_speed(speed)
 
 
 def check_point(drive: FiveLevelDrive, point: OperatingPoint) -> None:
@@ -189,21 +168,8 @@ def plant_with(
                 f"plant_factors: {name}: got {factor!r:.40}; it must be a number from "
                 f"{LEAST_FACTOR:g} to {MOST_FACTOR:g}"
             )
-    tables: dict[str, dict[str, float]] = {}
-    if isinstance(drive, FiveLevelDrive):
-        for name, factor in factors.items():
-            table = "machine" if name in drive.machine.factors else "inverter"
-            keys = drive.machine.factors.get(name, (name,))
-            found = tables.setdefault(table, {})
-            found |= {key: float(factor) * getattr(getattr(drive, table), key) for key in keys}
-    else:
-        m = drive.machine
-        rs, rr, leakage, mutual = (float(factors.get(name, 1.0)) for name in MPTC_FACTORS)
-        lm = mutual * m.lm
-        tables["machine"] = {"rs": rs * m.rs, "rr": rr * m.rr, "lm": lm}
-        tables["machine"] |= {k: lm + leakage * (getattr(m, k) - m.lm) for k in ("ls", "lr")}
     try:
-        return drive.changed(**tables)
+        return drive.scaled(factors)
     except DriveError as error:
         raise DriveError(f"plant_factors: {error}") from None
 
@@ -322,7 +288,7 @@ def simulate(
         If the mean torque or power of the last period is off what was asked by more than
         `UNREACHED` of the rated one.
     """
-    check_drive(drive)
+    kind = kind_of(drive)
     if isinstance(controller, str):
         check_engine(controller, variant)
         served_by(drive, controller)
@@ -335,14 +301,14 @@ def simulate(
         raise TypeError(
             f"plant: got {_named(plant)}; a drive of the same kind, {drive.controller}, is needed"
         )
-    given_errors = _errors_of(drive, errors)
-    if sensorless and isinstance(drive, FiveLevelDrive):
+    given_errors = _errors_of(drive, kind, errors)
+    if sensorless and not kind.sensorless:
         raise TypeError(
             f"sensorless: given for a drive of {drive.controller}; only those of MPTC have it"
         )
     if not isinstance(flux_observer, bool):
         raise TypeError(f"flux_observer: got {_named(flux_observer)}; True or False is needed")
-    if flux_observer and not isinstance(drive, FiveLevelDrive):
+    if flux_observer and kind.sensorless:
         raise TypeError(
             "flux_observer: given for a drive of MPTC; only those of a five-level inverter have it "
             "(sensorless=True lets MPTC work on an observer)"
@@ -374,20 +340,15 @@ def simulate(
         if number is not None and not _is_finite(number):
             raise ValueError(f"{name}: got {number!r:.40}; a finite number is needed")
     check_speed(drive, speed)
-    if isinstance(drive, FiveLevelDrive):
-        given = {"torque": torque, "flux": flux, "power": power}
-        for name, number in given.items():
-            if number is not None and name not in drive.machine.quantities:
-                known = " and ".join(drive.machine.quantities) or "neither of torque, flux, power"
-                raise ValueError(
-                    f'{name}: given with machine.type = "{drive.machine.type}", which takes {known}'
-                )
-        if power is not None:
-            torque = power / (1.0 if speed is None else speed)
-    elif power is not None:
-        raise ValueError("power: given for a drive of MPTC, which takes torque and flux")
+    given = {"torque": torque, "flux": flux, "power": power}
+    for name, number in given.items():
+        if number is not None and name not in drive.machine.quantities:
+            known = " and ".join(drive.machine.quantities) or "neither of torque, flux, power"
+            raise ValueError(f"{name}: given {drive.described}, which takes {known}")
+    if power is not None:
+        torque = power / (1.0 if speed is None else speed)
     engine = controller if isinstance(controller, str) else type(controller).__name__
-    estimate = isinstance(drive, FiveLevelDrive) and drive.control.leakage_estimate
+    estimate = getattr(drive.control, "leakage_estimate", False)
     short = settle + steps < COMPILED_FROM and not estimate
     core: RtlController | None = None
     asked: Any = course
@@ -396,16 +357,13 @@ def simulate(
             raise ValueError(
                 'control.leakage_estimate: got true; with a speed controller "rtl" alone has it'
             )
-        if isinstance(drive, FiveLevelDrive):
-            short, asked = True, FieldOrientation(drive, course, steps)
-        else:
-            shaft = plant_parameters(real, course.inertia, friction=course.friction)
-            asked = scenario_of(drive, course, steps), shaft
-            if sensorless and engine not in ("ideal", "model"):
-                raise ValueError(
-                    f"controller: got {engine}; with sensorless and a speed controller it must be "
-                    '"ideal" or "model"'
-                )
+        if sensorless and engine not in ("ideal", "model"):
+            raise ValueError(
+                f"controller: got {engine}; with sensorless and a speed controller it must be "
+                '"ideal" or "model"'
+            )
+        asked = kind.outer(drive, real, course, steps)
+        short = short or not kind.sensorless
     observed = sensorless and course is None
     if isinstance(controller, str) and (
         observed or (short and not sensorless) or controller == "rtl"
@@ -415,10 +373,7 @@ def simulate(
         core = controller
         if estimate:
             controller = _Estimating(core)
-    run = functools.partial(_run_mptc, sensorless=sensorless, errors=given_errors)
-    if isinstance(drive, FiveLevelDrive):
-        run = functools.partial(_run_mpdcc, errors=given_errors, flux_observer=flux_observer)
-    result = run(
+    result = _RUN[drive.controller](
         drive,
         controller,
         engine,
@@ -431,6 +386,8 @@ def simulate(
         real,
         variant,
         asked,
+        sensorless or flux_observer,
+        given_errors,
     )
     if course is None and (said := unreached(result, torque)):
         warnings.warn(said, stacklevel=2)
@@ -455,10 +412,8 @@ def _course(
     steps: int,
 ) -> Course:
     """What a run with a speed controller is asked for, checked."""
-    if isinstance(drive, FiveLevelDrive) and "torque" not in drive.machine.quantities:
-        raise ValueError(
-            f'inertia: given with machine.type = "{drive.machine.type}", which does not turn'
-        )
+    if "torque" not in drive.machine.quantities:
+        raise ValueError(f"inertia: given {drive.described}, which does not turn")
     inertia = drive.mechanics.inertia if inertia is None else inertia
     if inertia is None or not _is_finite(inertia) or inertia <= 0.0:
         raise ValueError(
@@ -467,8 +422,7 @@ def _course(
         )
     if start not in ("steady", "standstill"):
         raise ValueError(f'start: got {start!r:.40}; it must be "steady" or "standstill"')
-    most = drive.control.psi_max if isinstance(drive, MptcDrive) else FLUX.high / FLUX.scale
-    fixed = isinstance(drive, FiveLevelDrive) and "flux" not in drive.machine.quantities
+    most, fixed = drive.highest["flux"], "flux" not in drive.machine.quantities
     if flux is not None and (fixed or not _is_finite(flux) or not 0.0 < flux <= most):
         allowed = "the magnets make it" if fixed else f"it must be above 0 and at most {most:.4g}"
         raise ValueError(f"flux: got {flux!r:.40}; {allowed}")
@@ -486,7 +440,7 @@ def _course(
     friction = drive.mechanics.friction
     made = Course(functions[0], functions[1], float(inertia), friction, flux, start == "standstill")
     highest = float(np.abs(made.over(drive.control.ts, steps)[0]).max())
-    most = drive.control.speed_max if isinstance(drive, MptcDrive) else drive.machine.speeds[1]
+    most = drive.highest["speed"]
     if highest > most:
         raise ValueError(f"speed: gives {highest:g}; it must be from {-most:g} to {most:g}")
     return made
@@ -512,14 +466,10 @@ def unreached(result: SimulationResult, torque: float | None) -> str:
         A sentence; empty where it was reached.
     """
     drive = result.drive
-    if isinstance(drive, MptcDrive):
-        asked = 0.25 * drive.control.torque_max if torque is None else float(torque)
-        ts, most, unit, what = drive.control.ts, drive.control.torque_max, "N*m", "torque"
-    else:
-        load = drive.machine
-        asked = OperatingPoint(result.speed, torque=torque).steady_state(load).torque
-        ts, most, unit = drive.ts_pu, 1.0, "pu"
-        what = "torque" if "torque" in load.quantities else "power over frequency"
+    kind = kind_of(drive)
+    asked, most, unit = kind.torque(drive, result.speed, torque)
+    ts = kind.ts(drive)
+    what = "torque" if "torque" in drive.machine.quantities else "power over frequency"
     period = 2.0 * math.pi / max(abs(result.speed) * ts, 1e-9)
     if len(result) < period:
         return ""
@@ -536,14 +486,12 @@ class _Estimating:
     """A core of MPDCC with the bit-true estimate of the leakage beside it, as a system has it."""
 
     def __init__(self, core: RtlController) -> None:
-        assert isinstance(core.drive, Drive)
         self._core, self._estimate = core, LeakageEstimate(core.drive)
         self._delayed = core.drive.control.delay_compensation
         self._before: tuple[int, ...] = (0, 0, 0)
 
     def decide(self, state: State | Mapping[str, Any]) -> Decision:
         """Scale the slopes, decide, estimate anew."""
-        assert isinstance(state, MpdccState)
         self._core.scale(self._estimate)
         decision = self._core.decide(state)
         self._estimate.step(
@@ -553,19 +501,15 @@ class _Estimating:
         return decision
 
 
-def _errors_of(drive: Drive | KbestDrive | MptcDrive, errors: Any) -> DriveErrors | MptcErrors:
+def _errors_of(drive: Drive | KbestDrive | MptcDrive, kind: Kind, errors: Any) -> Any:
     """Errors of the drive's kind; none of either kind are none of this one."""
-    of_kind = isinstance(drive, FiveLevelDrive)
-    none: DriveErrors | MptcErrors = NO_ERRORS if of_kind else mptc_errors.NO_ERRORS
-    if errors is None:
-        return none
-    if isinstance(errors, type(none)):
+    if errors is None or errors in (other.no_errors for other in KINDS.values()):
+        return kind.no_errors
+    if isinstance(errors, type(kind.no_errors)):
         return errors
-    if isinstance(errors, DriveErrors | MptcErrors) and errors == type(errors)():
-        return none
     raise TypeError(
         f"errors: got {_named(errors)}; for a drive of {drive.controller} an object of the class "
-        f"{type(none).__name__} is needed"
+        f"{type(kind.no_errors).__name__} is needed"
     )
 
 
@@ -590,8 +534,8 @@ def _run_mpdcc(
     plant: Drive | KbestDrive,
     variant: str,
     outer: FieldOrientation | None,
-    errors: DriveErrors,
     flux_observer: bool,
+    errors: DriveErrors,
 ) -> SimulationResult:
     """`simulate` for MPDCC, per unit."""
     omega_s = 1.0 if speed is None else float(speed)
@@ -605,7 +549,7 @@ def _run_mpdcc(
     if isinstance(controller, str):
         compiled = compiled_controller(drive, controller, variant)
         # the ideal function of MPDCC is shown the state at k + 1, the others find it by themselves
-        shown = controller == "ideal" and isinstance(drive, Drive)
+        shown = controller == "ideal" and drive.controller == "mpdcc"
         run = mpdcc_loop.simulate(
             drive, *compiled, profile, steps, settle=settle, disturbance=0.0, plant_drive=plant,
             delay=delay, compensate=shown, errors=errors, flux_observer=flux_observer,
@@ -701,7 +645,6 @@ def _run_mptc(
     parameters = plant_parameters(plant)
     observed = None
     if sensorless:
-        assert not isinstance(controller, str)
         own = "model" if engine == "model" else "ideal"
         observed = controller = SensorlessController(drive, controller, engine=own)
         observed.begin(scenario.current, scenario.flux, scenario.omega_r)
@@ -757,8 +700,11 @@ def _as_seen(
     """The result with the estimates in its trace, where the controller saw estimates."""
     if observed is None:
         return result
-    assert isinstance(result.trace, mptc_trace.MptcTrace)
     flux = np.array([psi for psi, _ in observed.seen[settle:]])
     omega_r = np.array([omega for _, omega in observed.seen[settle:]])
     trace_ = replace(result.trace, psi_s=np.column_stack([flux.real, flux.imag]), omega_r=omega_r)
     return replace(result, trace=trace_)
+
+
+_RUN = {"mpdcc": _run_mpdcc, "kbest": _run_mpdcc, "mptc": _run_mptc}
+"""How a drive is simulated, by its controller."""

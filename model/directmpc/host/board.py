@@ -655,8 +655,8 @@ class Board:
                 "cause has to be known",
                 stacklevel=2,
             )
-        control = self.drive.control if isinstance(self.drive, Drive) else None
-        remembers = control and (control.capacitor_filter or control.leakage_estimate)
+        control = getattr(self.drive, "control", None)
+        remembers = any(getattr(control, k, 0) for k in ("capacitor_filter", "leakage_estimate"))
         if remembers or self._kept["own_positions"] or self._kept.get("use_observer"):
             self.forget_estimates()
         self._started, self._waited = True, 0  # from here on there is something to turn off

@@ -8,10 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, Protocol
 
+from directmpc.api.kinds import kind_of
 from directmpc.host.register_map import MAPS
-from directmpc.mpdcc import formats
 from directmpc.mpdcc.drive import Drive
-from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc.drive import MptcDrive
 
 #: Operations: write and read back, write alone, read until the word's bits are 0 (as 3 does).
@@ -194,13 +193,9 @@ def format_vhdl(
     ValueError
         If a value does not fit its register.
     """
-    scales = (
-        formats.MEASUREMENTS
-        if isinstance(drive, Drive)
-        else mptc_formats.measurement_formats(drive)
-    )
-    unit = "pu" if isinstance(drive, Drive) else "A, Wb, rad/s, V or N*m"
-    if use_observer and isinstance(drive, Drive) and not drive.machine.has_flux_observer:
+    kind = kind_of(drive)
+    scales, unit = kind.formats(drive), kind.unit
+    if use_observer and not kind.sensorless and not drive.machine.has_flux_observer:
         raise ValueError(
             f'machine.type: got "{drive.machine.type}", which the observer does not serve; the '
             "flux has to be measured: --measured-flux"

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.api.controllers import ModelController, state_of
+from directmpc.api.kinds import kind_of
 from directmpc.host.board import Board, decision_of
 from directmpc.host.measurements import Encoder
 from directmpc.host.protocol import Decision as Answer
@@ -30,7 +31,7 @@ from directmpc.mpdcc.variants import DEFAULT_VARIANT
 from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sensorless import SensorlessController
-from directmpc.states import Controller, Decision, MpdccDecision, MpdccState, State, ramped
+from directmpc.states import Controller, Decision, State, ramped
 
 IntArray = NDArray[np.int64]
 _VOLTAGES = [list(MEASUREMENTS).index(name) for name in ("v_n", "v_ph_a", "v_ph_b", "v_ph_c")]
@@ -122,11 +123,7 @@ def warm_up(drive: Drive | MptcDrive, variant: str = DEFAULT_VARIANT) -> None:
         If the model cannot represent the drive.
     """
     model = ModelController(drive, variant)
-    if isinstance(drive, Drive):
-        profile = mpdcc_loop.constant_profile(drive, mpdcc_loop.OperatingPoint(1.0), 2)
-        mpdcc_loop.drive_controller(drive, model, profile, 2)
-    else:
-        mptc_loop.drive_controller(drive, model, mptc_loop.constant(drive, 0.0, 0.0, 0.1, 2))
+    kind_of(drive).warm_up(drive, model)
 
 
 class BoardController:
@@ -182,17 +179,17 @@ class BoardController:
         self._progress = progress
         model = ModelController(drive, variant)
         self._model: Controller = model
-        if sensorless and isinstance(drive, MptcDrive):
+        if sensorless and kind_of(drive).sensorless:
             self._model = SensorlessController(drive, model, engine="model")
-        if sensorless or (isinstance(drive, MptcDrive) and drive.control.sequences):
+        if sensorless or getattr(drive.control, "sequences", False):
             board.forget_estimates()
         self._encoder = Encoder(drive)
         self._filters: capacitor_observer.CapacitorFilter | None = None
-        if isinstance(drive, Drive) and drive.control.capacitor_filter:
+        if getattr(drive.control, "capacitor_filter", 0):
             self._filters = capacitor_observer.CapacitorFilter(drive)
             board.forget_estimates()
         self.leakage: LeakageEstimate | None = None
-        if isinstance(drive, Drive) and drive.control.leakage_estimate:
+        if getattr(drive.control, "leakage_estimate", False):
             self.leakage, self._scaled = LeakageEstimate(drive), model
             self._before: tuple[int, ...] = (0, 0, 0)
             board.forget_estimates()
@@ -243,8 +240,6 @@ class BoardController:
         known = state_of(self.drive, state)
         if self._filters is None and self.leakage is None:
             return self._model.decide(known)
-        assert isinstance(known, MpdccState)
-        assert isinstance(self.drive, Drive)
         used = list(words)
         if self._filters is not None:
             v_n, *v_ph = self._filters.voltages(words, known.applied)
@@ -258,7 +253,6 @@ class BoardController:
             self.leakage.step(used, self._before if delayed else known.applied)
             self._before = tuple(known.applied)
         found = self._model.decide(known)
-        assert isinstance(found, MpdccDecision)
         return replace(found, saturated=found.saturated or clipped)
 
     def column(self, value: Callable[[Answer], int]) -> IntArray:

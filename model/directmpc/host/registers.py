@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from directmpc.api.drive_file import load_core_drive
+from directmpc.api.kinds import kind_of
 from directmpc.drive_tables import keys_of
 from directmpc.host.console import OneParagraphParser, reported
 from directmpc.mpdcc import coefficients, formats
@@ -413,7 +414,7 @@ def decision_periods(drive: Drive | MptcDrive) -> float:
     float
         Control periods; more than one where a decision for the next step waits for its start.
     """
-    delayed = isinstance(drive, MptcDrive) or drive.control.delay_compensation
+    delayed = getattr(drive.control, "delay_compensation", True)  # MPTC always acts a step later
     return 1.1 if delayed else 0.9
 
 
@@ -583,12 +584,8 @@ def format_c(drive: Drive | MptcDrive, found: RegisterValues, source: str) -> st
     ValueError
         If a value does not fit its register.
     """
-    scales = (
-        formats.MEASUREMENTS
-        if isinstance(drive, Drive)
-        else mptc_formats.measurement_formats(drive)
-    )
-    unit = "pu" if isinstance(drive, Drive) else "A, Wb, rad/s, V or N*m"
+    scales = kind_of(drive).formats(drive)
+    unit = kind_of(drive).unit
     lines = [
         f"/* Registers of {source}: write them in this order, the last commits them. */",
         f"/* Times are in clocks of {found.clock / 1e6:g} MHz: the core has to have this clock. */",

@@ -6,6 +6,7 @@ Keys and units: docs/specification.md, section 4.1.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -26,6 +27,7 @@ from directmpc.drive_tables import (
 )
 from directmpc.loads import KINDS
 from directmpc.mpdcc import tables
+from directmpc.mpdcc.formats import FLUX
 
 TS_PU_MIN = 0.006
 TS_PU_MAX = 0.063
@@ -153,6 +155,88 @@ class FiveLevelDrive(AnyDrive):
                 f'got true; it must be false with machine.type = "{self.machine.type}"',
             )
         return self
+
+    @property
+    def described(self) -> str:
+        """What a message calls the drive.
+
+        Returns
+        -------
+        str
+            To stand behind "given".
+        """
+        return f'with machine.type = "{self.machine.type}"'
+
+    @property
+    def highest(self) -> dict[str, float]:
+        """Highest speed and flux.
+
+        Returns
+        -------
+        dict of str to float
+            `speed` and `flux`, per unit.
+        """
+        return {"speed": self.machine.speeds[1], "flux": FLUX.high / FLUX.scale}
+
+    def check_speed(self, speed: float) -> None:
+        """Refuse a stator frequency that the drive cannot run at.
+
+        Parameters
+        ----------
+        speed : float
+            Per unit.
+
+        Raises
+        ------
+        ValueError
+            The message says what is allowed.
+        """
+        least, most = self.machine.speeds
+        if not least <= abs(speed) <= most:
+            ranges = f"{-most:g} to {most:g} pu" if least == 0.0 else f"{least:g} to {most:g} pu"
+            raise ValueError(
+                f"speed: got {speed:g}; it must be from {ranges}"
+                + ("" if least == 0.0 else ", or the negative of it")
+            )
+        if speed == 0.0:
+            raise ValueError("speed: got 0; a stator frequency other than 0 is needed")
+
+    @property
+    def plant_factors(self) -> tuple[str, ...]:
+        """Names of the factors of `scaled`.
+
+        Returns
+        -------
+        tuple of str
+            Those of the load, and `xdc`, `xph`.
+        """
+        return (*self.machine.factors, "xdc", "xph")
+
+    def scaled(self, factors: Mapping[str, float]) -> Self:
+        """The drive with another load and other capacitors.
+
+        Parameters
+        ----------
+        factors : mapping of str to float
+            Some of `plant_factors`.
+
+        Returns
+        -------
+        Drive or KbestDrive
+            With all other values as they are.
+
+        Raises
+        ------
+        DriveError
+            If a value is not allowed.
+        """
+        tables: dict[str, dict[str, float]] = {}
+        for name, factor in factors.items():
+            table = "machine" if name in self.machine.factors else "inverter"
+            keys = self.machine.factors.get(name, (name,))
+            found = tables.setdefault(table, {})
+            found |= {key: float(factor) * getattr(getattr(self, table), key) for key in keys}
+        return self.changed(**tables)
 
     @property
     def converter(self) -> Converter:

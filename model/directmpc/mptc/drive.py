@@ -6,7 +6,8 @@ Keys and units: docs/specification.md, section 4.1.
 from __future__ import annotations
 
 import math
-from typing import Literal, Self, get_args
+from collections.abc import Mapping
+from typing import ClassVar, Literal, Self, get_args
 
 from pydantic import model_validator
 
@@ -40,6 +41,9 @@ class MptcMachine(Section):
     Any machine with ls*lr > lm**2 is one, whatever its turns ratio: the T circuit with both
     inductances above lm, the inverse-gamma circuit with lr = lm, the gamma circuit with ls = lm.
     """
+
+    has_flux_observer: ClassVar[bool] = False
+    quantities: ClassVar[tuple[str, ...]] = ("torque", "flux")
 
     rs: number(1e-6, 1e3, "ohm")
     rr: number(1e-6, 1e3, "ohm")
@@ -116,3 +120,80 @@ class MptcDrive(AnyDrive):
     inverter: MptcInverter
     guard: MptcGuard = MptcGuard()
     control: MptcControl
+
+    @property
+    def described(self) -> str:
+        """What a message calls the drive.
+
+        Returns
+        -------
+        str
+            To stand behind "given".
+        """
+        return "for a drive of MPTC"
+
+    @property
+    def highest(self) -> dict[str, float]:
+        """Highest speed and flux.
+
+        Returns
+        -------
+        dict of str to float
+            `speed` (rad/s, electrical) and `flux` (Wb).
+        """
+        return {"speed": self.control.speed_max, "flux": self.control.psi_max}
+
+    def check_speed(self, speed: float) -> None:
+        """Refuse a stator frequency that the drive cannot run at.
+
+        Parameters
+        ----------
+        speed : float
+            rad/s, electrical.
+
+        Raises
+        ------
+        ValueError
+            The message says what is allowed.
+        """
+        most = self.control.speed_max
+        if not abs(speed) <= most:
+            raise ValueError(
+                f"speed: got {speed:g}; with control.speed_max = {most:g} it must be from "
+                f"{-most:g} to {most:g} rad/s (electrical)"
+            )
+
+    @property
+    def plant_factors(self) -> tuple[str, ...]:
+        """Names of the factors of `scaled`; the leakages are ls - lm and lr - lm.
+
+        Returns
+        -------
+        tuple of str
+            Of the machine.
+        """
+        return ("rs", "rr", "leakage", "lm")
+
+    def scaled(self, factors: Mapping[str, float]) -> Self:
+        """The drive with another machine.
+
+        Parameters
+        ----------
+        factors : mapping of str to float
+            Some of `plant_factors`.
+
+        Returns
+        -------
+        MptcDrive
+            With all other values as they are.
+
+        Raises
+        ------
+        DriveError
+            If a value is not allowed.
+        """
+        m = self.machine
+        rs, rr, leakage, mutual = (float(factors.get(name, 1.0)) for name in self.plant_factors)
+        lm = mutual * m.lm
+        inductances = {k: lm + leakage * (getattr(m, k) - m.lm) for k in ("ls", "lr")}
+        return self.changed(machine={"rs": rs * m.rs, "rr": rr * m.rr, "lm": lm, **inductances})
