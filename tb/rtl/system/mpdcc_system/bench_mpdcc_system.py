@@ -178,6 +178,50 @@ async def resets(system: System, rounds: int) -> None:
             before, last = last, np.array(wanted[:3])
 
 
+async def handed_over(system: System) -> None:
+    """A decision that waits for its start is given, though delay compensation has been ended."""
+    base = shipped(system)
+    await system.bus.write("system.control", own_positions=1)
+    for n in range(3):
+        await commit(system, base | {"compensate": 1})
+        await step(system, state_near(system))
+        await commit(system, base | {"compensate": 0})
+        clocks, given = await step(system, state_near(system))
+        system.board.check("handed over", given, [0, clocks + 1], f"round {n}")
+
+
+async def forgotten(system: System) -> None:
+    """The observer's reset waits for the end of the decision that it meets."""
+    bus, board, rng = system.bus, system.board, system.rng
+    base = shipped(system)
+    drive = states.shipped("anpc5l_6kv")
+    o = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
+    await commit(system, base)
+    await bus.write("system.control", own_positions=0, use_observer=1)
+    await bus.write("system.command", reset_observer=1)
+    flux = np.zeros(rotor_flux_observer.STATE_WORDS, dtype=np.int64)
+    for n in range(24):
+        m = state_near(system)
+        applied = np.array([m[x] for x in POSITIONS])
+        words = np.array([m[x] for x in (*VOLTAGES, "v_dc", "omega_r")])
+        *estimate, _ = rotor_flux_observer.step_words(o, flux, words, applied)
+        used = dict(m) | dict(zip(("psir_alpha", "psir_beta"), map(int, estimate), strict=True))
+        meets = n % 2
+        if meets:
+
+            async def meet(after: int) -> None:
+                for _ in range(after):
+                    await FallingEdge(system.dut.clk)
+                await bus.write("system.command", reset_observer=1)
+
+            cocotb.start_soon(meet(rng.randrange(24)))
+        await step(system, m)
+        board.check("forgotten", system.decided(), system.model(base, used), f"decision {n}")
+        if meets:
+            flux[:] = 0
+            await bus.read("system.status", "busy")
+
+
 async def never_ahead(system: System) -> None:
     """Without a second level a decision is given at once, whatever compensate says."""
     base = shipped(system)
@@ -249,7 +293,7 @@ async def system(dut) -> None:
         "controller": 1, "explorers": 1, "folded": int(given["FOLDED"]),
         "second_level": int(second), "weighted_deadlock": int(fast), "inwards": int(fast),
         "capacitor_filter": 1, "leakage_estimate": int(fast), "flux_control": 0, "family": 0,
-        "sensorless": 0, "observer": 1, "least_dead_time": 10,
+        "sensorless": 0, "observer": 1, "least_dead_time": 10, "recorder": 0,
     }  # fmt: skip
     await capabilities(under_test, built)
     if not second:
@@ -261,9 +305,11 @@ async def system(dut) -> None:
     for name in under_test.words:
         assert not board.covered[f"without effect: {name}"] or name in WITHOUT_EFFECT, name
     await estimate(under_test)
+    await handed_over(under_test)
+    await forgotten(under_test)
     await resets(under_test, given["rounds"])
     board.finish(
         {"alone": 30, "back": 30, "decision": 3 * given["rounds"], "quiet": 200 * given["rounds"],
-                      "theta": 50, "told": 48, "clocks": 4},
+                      "theta": 50, "told": 48, "clocks": 4, "handed over": 3, "forgotten": 24},
         {"step alone": 2, "nothing": 2, "waited": given["rounds"] // 6},
     )  # fmt: skip

@@ -5,7 +5,9 @@ and not on its neighbour of the other axis; resets of one to five clocks in any 
 of a commit and while a decision waits for one; states near a drive's, and of any content.
 Checks: decisions of the model; what says which options are built in; behind a reset no decision and
 nothing for the guard, then decisions as behind power-up; the clock in which the
-guard gets a decision; that an overflow of the leakage's step is told, and theta forgotten.
+guard gets a decision, also where a commit has ended delay compensation; that a reset of the
+observer waits for the decision that it meets; that an overflow of the leakage's step is told, and
+theta forgotten.
 Timing: a decision behind a reset of the observer comes as early as any.
 Does not prove: what the bench of both systems has, which is tb/rtl/system/test_system.py.
 """
@@ -73,9 +75,11 @@ FAULTS = [
     Fault("mpdcc_system", WAITS, "        followed_on ", "apply is undefined"),
     Fault("mpdcc_system", "loaded <= taking;", "null;", "theta:"),
     Fault("mpdcc_system", "(leakage_valid and leakage_full) or ", "", "told:"),
+    Fault("mpdcc_system", "and waits_for_go);", "and waits_for_go and delayed);", "handed over:"),
+    Fault("mpdcc_system", "(forget and not deciding)", "forget", "no decision"),
 ]
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=["port", "waiting decision", "theta", "overflow"])
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
 def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
     assert_seen(fault, tmp_path, bench)
