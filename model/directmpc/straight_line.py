@@ -42,7 +42,7 @@ def operation(function: Callable[..., float]) -> Callable[..., float]:
     OPERATIONS[name] = function
 
     @functools.wraps(function)
-    def called(*values: float) -> float:
+    def _called(*values: float) -> float:
         for one in values:
             if isinstance(one, _Noted):
                 places = [one._place(v) for v in values]
@@ -50,7 +50,7 @@ def operation(function: Callable[..., float]) -> Callable[..., float]:
                 return _Noted(made, one.program, one.program.place(name, *places))
         return function(*values)
 
-    return called
+    return _called
 
 
 @operation
@@ -96,7 +96,18 @@ class Program:
     words: dict[str, int] = field(default_factory=dict)
 
     def place(self, *node: Any) -> int:
-        """Number of a node, a new one if need be."""
+        """Number of a node, a new one if need be.
+
+        Parameters
+        ----------
+        *node : Any
+            As one of `nodes`.
+
+        Returns
+        -------
+        int
+            Its place there.
+        """
         if node not in self._places:
             self._places[node] = len(self.nodes)
             self.nodes.append(node)
@@ -312,7 +323,7 @@ def of_keys(
         except (TypeError, ValueError):
             continue
 
-        def holds(values: Mapping[str, float], program: Program = program) -> bool:
+        def _holds(values: Mapping[str, float], program: Program = program) -> bool:
             if program.run(values) is None:
                 return False
             try:
@@ -321,9 +332,9 @@ def of_keys(
                 return False
             return True
 
-        if not program.words or not holds(given):
+        if not program.words or not _holds(given):
             continue
-        low, high = _ends(program, given, key, allowed[key], holds)
+        low, high = _ends(program, given, key, allowed[key], _holds)
         tried = [
             {**given, key: v} for v in (low, high, *(rng.uniform(low, high) for _ in range(4)))
         ]
