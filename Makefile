@@ -47,7 +47,7 @@ help: ## this list
 	@echo
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' '$(ROOT)/Makefile' | awk -F'|' '{ printf "%-20s %s\n", $$1, $$2 }'
 	@echo
-	@echo '  make replay DRIVE=f.toml IN=trace.csv OUT=decisions.csv [ENGINE=rtl|model|ideal] [EXPLORERS=2] [VARIANT=fast|paper]'
+	@echo '  make replay DRIVE=f.toml IN=trace.csv OUT=decisions.csv [ENGINE=rtl|ghdl|model|ideal] [EXPLORERS=2] [VARIANT=fast|paper]'
 	@echo '  make run [WAVES=1] [ARGS="--trace trace.csv --decisions decisions.csv"]'
 	@echo '  make -s sources TOP=mpdcc_core'
 	@echo '  make pnr [SEEDS=5] [ARGS=--help]'
@@ -98,7 +98,7 @@ replay: $(READY) ## run a recorded trace through the RTL or a model
 	$(call need,DRIVE,the drive file or the name of a shipped one)
 	$(call need,IN,the trace)
 	$(call need,OUT,the file for the decisions)
-	$(call oneof,ENGINE,rtl model ideal)
+	$(call oneof,ENGINE,rtl ghdl model ideal)
 	$(call oneof,EXPLORERS,1 2 3 4 5 6 7 8)
 	$(call oneof,VARIANT,fast paper)
 	@'$(PY)' -m scripts replay --drive "$$DRIVE" --trace "$$IN" --out "$$OUT" --engine "$$ENGINE" --explorers "$$EXPLORERS" --variant "$$VARIANT"

@@ -747,6 +747,22 @@ def cached(
 ) -> Path:
     """The Verilog of a configuration, converted only when its sources or tools have changed."""
     generics = generics or {}
+    out, files, std = _kept(top, generics, std, rtl)
+    if not out.exists():
+        convert(top, generics, out, files=files, std=std)
+    return out
+
+
+def is_cached(top: str, generics: Generics) -> bool:
+    """Whether `cached` has nothing to convert."""
+    try:
+        return _kept(top, generics, None, sources.RTL)[0].exists()
+    except tools.ToolError:  # a tool is missing
+        return False
+
+
+def _kept(top: str, generics: Generics, std: str | None, rtl: Path) -> tuple[Path, list[Path], str]:
+    """Where the Verilog of a configuration is kept, its files and their standard."""
     files = sources.compile_order(top, sources.rtl_files(rtl))
     std = std or sources.standard(files, rtl)
     key = tools.digest(
@@ -759,10 +775,7 @@ def cached(
         *files,
     )[:16]
     stem = tools.configuration_name(top, generics)
-    out = tools.BUILD / "netlist" / f"{stem}-{key}.v"
-    if not out.exists():
-        convert(top, generics, out, files=files, std=std)
-    return out
+    return tools.BUILD / "netlist" / f"{stem}-{key}.v", files, std
 
 
 _UNNAMED = re.compile(r"\bn\d+(?:_\w+)?\b")

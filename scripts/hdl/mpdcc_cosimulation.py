@@ -102,7 +102,7 @@ class Bench:
         )
 
 
-async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
+async def replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
     """Feed recorded rows, with idle clocks between them where the job asks for it."""
     out = np.empty((len(job.measurements), len(FIELDS)), dtype=np.int64)
     rng = np.random.default_rng(1)
@@ -114,7 +114,7 @@ async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.nd
     return {"decisions": out}
 
 
-async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
+async def closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
     """Let the RTL's decisions drive the plant.
 
     A loop of its own: the simulator runs on while a decision is awaited, and a `Controller` cannot
@@ -174,5 +174,5 @@ async def run_job(dut) -> None:
     bench = Bench(dut, job.registers)
     await bench.reset()
     progress = Progress(job.progress_path, max(1, job.steps // 200))
-    result = await (_closed_loop if job.loop is not None else _replay)(bench, job, progress)
+    result = await (closed_loop if job.loop is not None else replay)(bench, job, progress)
     np.savez(job.result_path, bound=dut.bound.value.to_unsigned(), **result)

@@ -11,11 +11,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.mpdcc.coefficients import inwards, second_level, weighted_deadlock
+from directmpc.mpdcc import tables
+from directmpc.mpdcc.coefficients import (
+    COEFFICIENTS,
+    OPTIONS,
+    inwards,
+    second_level,
+    weighted_deadlock,
+)
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
+from directmpc.mpdcc.formats import MEASUREMENTS
 from directmpc.mpdcc.plant import Plant
+from directmpc.mpdcc.variants import FIELDS
+from directmpc.native import Design
 from scripts.generate import converter_package
+from scripts.hdl import native as natives
 from scripts.hdl import simulator
 from scripts.hdl.clocks import clocks_of, worst_clocks
 from scripts.hdl.simulator import Answer
@@ -25,6 +36,13 @@ BENCH = ROOT / "scripts" / "hdl" / "mpdcc_core_bench.vhd"
 
 #: Numbers of explorers that a core may have.
 EXPLORERS = range(1, 9)
+
+#: Explorers of the native library.
+NATIVE_EXPLORERS = 2
+
+#: Ports of parameters, and of what is sampled with start.
+PORTS = (*(f"c_{name}" for name in COEFFICIENTS), *OPTIONS)
+INPUTS = (*MEASUREMENTS, *(f"s_prev_{phase}" for phase in "abc"))
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
@@ -91,6 +109,38 @@ class Job(simulator.Job):
         return len(self.loop.omega_s) if self.loop is not None else len(self.measurements)
 
 
+def native_design(explorers: int, variant: str, registers: IntArray) -> str:
+    """The native library that is such a core; empty if there is none."""
+    own = converter_package.converter_of(registers) == tables.DEFAULT
+    if explorers != NATIVE_EXPLORERS or not own:
+        return ""
+    return "mpdcc_core_paper" if variant == "paper" else "mpdcc_core"
+
+
+class NativeBench:
+    """The native library as `mpdcc_cosimulation.Bench` drives GHDL."""
+
+    def __init__(self, design: str, registers: IntArray) -> None:
+        self.design, self.registers = Design(design), np.atleast_2d(registers)
+        self.decided = 0
+        self.use(self.registers[0])
+
+    def use(self, registers: IntArray) -> None:
+        """Take other parameters for the next decision."""
+        self.design.give(
+            dict(zip(PORTS, registers.tolist(), strict=False))
+        )  # less what is built in
+
+    async def decide(self, measurement: IntArray, s_prev: IntArray) -> tuple[int, ...]:
+        """One decision, in the order of `FIELDS`."""
+        if len(self.registers) > 1:
+            self.use(self.registers[self.decided])
+        self.decided += 1
+        self.design.give(dict(zip(INPUTS, [*measurement, *s_prev], strict=True)))
+        out, cycles = self.design.decide()
+        return tuple((out | {"cycles": cycles})[name] for name in FIELDS)
+
+
 def simulate(
     job: Job,
     explorers: int,
@@ -98,6 +148,12 @@ def simulate(
     progress: Callable[[int], None] | None = None,
 ) -> Answer:
     """Run a job on the RTL."""
+    if job.native:
+        from scripts.hdl import mpdcc_cosimulation as loops  # imports this module
+
+        work = loops.closed_loop if job.loop is not None else loops.replay
+        around = NativeBench(native_design(explorers, variant, job.registers), job.registers)
+        return natives.finished(work(around, job, progress or (lambda _: None)))
     options = (
         second_level(job.registers),
         weighted_deadlock(job.registers),
@@ -137,11 +193,13 @@ def simulate_rows(
     variant: str,
     progress: Callable[[int], None] | None = None,
     processes: int | None = None,
+    *,
+    native: bool = False,
 ) -> IntArray:
-    """Let the RTL decide on independent rows."""
+    """Let the RTL decide on independent rows, natively or in GHDL."""
 
     def _run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
-        job = Job(values, measurements[rows], s_prev[rows])
+        job = Job(values, measurements[rows], s_prev[rows], native=native)
         answer = simulate(job, explorers, variant, advance)
         return np.asarray(answer["decisions"], dtype=np.int64)
 

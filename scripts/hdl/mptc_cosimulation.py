@@ -109,7 +109,7 @@ class Bench:
         return (response & 7, cycles, response >> 6 & 1, response >> 7 & 1, response >> 3 & 7)
 
 
-async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
+async def replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
     """Feed recorded rows, each with its own parameters where the job has them."""
     out = np.empty((len(job.measurements), len(FIELDS)), dtype=np.int64)
     sequences = np.zeros((len(out), 5), dtype=np.int64)
@@ -132,7 +132,7 @@ async def _replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.nd
     return {"decisions": out, "sequences": sequences}
 
 
-async def _closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
+async def closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
     """Let the RTL's decisions drive the plant, behind a speed controller where one is asked for.
 
     A loop of its own: the simulator runs on while a decision is awaited, and a `Controller` cannot
@@ -194,5 +194,5 @@ async def run_job(dut) -> None:
     bench = Bench(dut)
     await bench.reset(job.registers)
     progress = Progress(job.progress_path, max(1, job.steps // 200))
-    result = await (_closed_loop if job.loop is not None else _replay)(bench, job, progress)
+    result = await (closed_loop if job.loop is not None else replay)(bench, job, progress)
     np.savez(job.result_path, **result)

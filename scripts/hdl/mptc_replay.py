@@ -12,7 +12,8 @@ from directmpc.mptc.coefficients import registers
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.trace import IntArray, MptcDecisions, MptcTrace
 from scripts.hdl import mptc_simulation as rtl_simulation
-from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job
+from scripts.hdl import native as natives
+from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job, core_of
 from scripts.hdl.simulator import in_parallel
 
 
@@ -31,6 +32,7 @@ def decide(
         return twin(drive, trace)
     measurements, clipped = bit_true.encode(drive, trace)
     values, u = registers(drive).array(), np.asarray(trace.u, dtype=np.int64)
+    native = engine == "rtl" and natives.prefer(core_of(drive), len(trace))
     if drive.control.sequences:
         applied = bit_true_sequences.applied_words(trace)
         u = trace.sequences().vectors[:, 0]  # `u` has no meaning beside a sequence
@@ -40,7 +42,7 @@ def decide(
         def _run_family(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
             job = Job(
                 values, measurements[rows], u[rows], family=True, family_method=code[rows],
-                duty_rule=rule[rows], applied=applied[rows],
+                duty_rule=rule[rows], applied=applied[rows], native=native,
             )  # fmt: skip
             answer = rtl_simulation.simulate(job, advance)
             return np.hstack([answer["decisions"], answer["sequences"]]).astype(np.int64)
@@ -51,7 +53,7 @@ def decide(
         )
 
     def _run(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
-        job = Job(values, measurements[rows], u[rows])
+        job = Job(values, measurements[rows], u[rows], native=native)
         return np.asarray(rtl_simulation.simulate(job, advance)["decisions"], dtype=np.int64)
 
     out = in_parallel(len(trace), _run, progress)

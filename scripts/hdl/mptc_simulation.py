@@ -9,10 +9,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from directmpc.mptc.drive import SEQUENCE_METHODS
+from directmpc.mptc.coefficients import COEFFICIENTS
+from directmpc.mptc.drive import SEQUENCE_METHODS, MptcDrive
 from directmpc.mptc.errors import EXACT, CompiledErrors
+from directmpc.mptc.formats import MEASUREMENTS
 from directmpc.mptc.plant import PlantParameters
+from directmpc.mptc.sequence import TIME_STEPS
 from directmpc.mptc.trace import FloatArray, IntArray
+from directmpc.native import Design
+from scripts.hdl import native as natives
 from scripts.hdl import simulator
 from scripts.hdl.simulator import Answer
 from scripts.shared.tools import ROOT
@@ -21,6 +26,10 @@ BENCH = ROOT / "scripts" / "hdl" / "mptc_core_bench.vhd"
 
 #: Columns of a decision as the bench returns it.
 FIELDS = ("u", "cycles", "saturated", "clamped", "switches")
+
+#: Ports of parameters, and of the sequence that is applied.
+PORTS = (*(f"c_{name}" for name in COEFFICIENTS), "method_mpfc")
+SEQUENCE = ("u1", "u2", "u3", "t1", "t2")
 
 #: Port `family_method` of the methods of several vectors.
 FAMILY_METHODS = {name: place for place, name in enumerate(SEQUENCE_METHODS, start=1)}
@@ -112,10 +121,54 @@ class Job(simulator.Job):
         return len(self.loop.torque_ref) if self.loop is not None else len(self.measurements)
 
 
+def core_of(drive: MptcDrive) -> str:
+    """The core that has the drive's method."""
+    return "mptc_family_core" if drive.control.sequences else "mptc_core"
+
+
+class NativeBench:
+    """The native library as `mptc_cosimulation.Bench` drives GHDL."""
+
+    def __init__(self, job: Job) -> None:
+        self.family, self.sequence = job.family, (0,) * 5
+        self.design = Design("mptc_family_core" if job.family else "mptc_core")
+        self.load(job.registers)
+
+    def load(self, registers: IntArray) -> None:
+        """Take these parameters."""
+        self.design.give(dict(zip(PORTS, registers.tolist(), strict=True)))
+
+    async def decide(
+        self,
+        measurement: IntArray,
+        u: int,
+        applied: IntArray | None = None,
+        family_method: int = 0,
+        duty_rule: int = 0,
+    ) -> tuple[int, ...]:
+        """One decision, in the order of `FIELDS`."""
+        given = dict(zip((*MEASUREMENTS, "u"), [*measurement, u], strict=True))
+        if self.family:
+            sequence = [u, u, u, TIME_STEPS, 0] if applied is None else applied
+            given |= dict(zip(SEQUENCE, sequence, strict=True))
+            given |= {"family_method": family_method, "duty_rule": duty_rule}
+        self.design.give(given)
+        out, cycles = self.design.decide()
+        self.sequence = (out["u_next"],) * 3 + (TIME_STEPS, 0)
+        if self.family:
+            self.sequence = tuple(out[f"next_{name}"] for name in SEQUENCE)
+        return tuple((out | {"u": out["u_next"], "cycles": cycles})[name] for name in FIELDS)
+
+
 def simulate(
     job: Job, progress: Callable[[int], None] | None = None, rtl: Path | None = None
 ) -> Answer:
     """Run a job on the RTL."""
+    if job.native:
+        from scripts.hdl import mptc_cosimulation as loops  # imports this module
+
+        work = loops.closed_loop if job.loop is not None else loops.replay
+        return natives.finished(work(NativeBench(job), job, progress or (lambda _: None)))
     bench = simulator.Bench(
         ("mptc_core", "mptc_family_core"),
         str(BENCH),

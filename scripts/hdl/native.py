@@ -7,14 +7,18 @@ have them; the wheel of a release does.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Collection
+from collections.abc import Collection, Coroutine
 from pathlib import Path
+from typing import Any, TypeVar
 
+from directmpc.native import NativeError, library
 from directmpc.native.library import VERILOG
 from scripts.hdl import conversion
 from scripts.hdl.virtual_board import generics
 from scripts.shared import tools
 from scripts.shared.tools import Generics
+
+Result = TypeVar("Result")
 
 OPTIONS: Generics = {"SECOND_LEVEL": True, "WEIGHTED_DEADLOCK": True, "INWARDS": True}
 #: Design -> entity and generics.
@@ -29,6 +33,39 @@ DESIGNS: dict[str, tuple[str, Generics]] = {
     "mpdcc_board": ("board_top", generics("mpdcc")),
     "mptc_board": ("board_top", generics("mptc", family=True, sensorless=True)),
 }
+
+
+#: Rows from which on to build a library takes less time than GHDL, whose pace is 100 a second.
+LONG = 10_000
+
+
+def prefer(design: str, rows: int) -> bool:
+    """Whether the library of a design is quicker than GHDL for so many rows; then it is built."""
+    top, options = DESIGNS[design]
+    text = VERILOG / f"{design}.v"
+    try:
+        library.verilator(), library.compiler()
+        if rows < LONG and not (
+            conversion.is_cached(top, options)
+            and text.is_file()
+            and text.read_bytes() == conversion.cached(top, options).read_bytes()
+            and library.kept(design)[0].is_file()
+        ):
+            return False
+    except NativeError:
+        return False
+    write([design])
+    library.build(design)
+    return True
+
+
+def finished(work: Coroutine[Any, Any, Result]) -> Result:
+    """What a coroutine returns that never waits: the loops of the benches around a library."""
+    try:
+        work.send(None)
+    except StopIteration as end:
+        return end.value  # type: ignore[no-any-return]
+    raise RuntimeError("a bench around a native library waits")
 
 
 def write(designs: Collection[str] = tuple(DESIGNS)) -> list[Path]:

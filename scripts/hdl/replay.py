@@ -32,11 +32,14 @@ from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
 from directmpc.output_files import check_output
 from scripts.hdl import mptc_replay
-from scripts.hdl.mpdcc_simulation import simulate_rows
+from scripts.hdl import native as natives
+from scripts.hdl.mpdcc_simulation import native_design, simulate_rows
 from scripts.shared.command import InputError
 from scripts.shared.figures import counted
 
-ENGINES = ("rtl", "model", "ideal")
+ENGINES = ("rtl", "ghdl", "model", "ideal")
+#: Those that simulate the VHDL.
+RTL = ("rtl", "ghdl")
 DEFAULT_EXPLORERS = 2
 
 
@@ -82,7 +85,11 @@ def _decide_mpdcc(
             return chosen.run(drive, rows)
         measurements, clipped = common.encode(rows)
     values = chosen.registers(drive).array()
-    answered = simulate_rows(measurements, rows.s_prev, values, explorers, variant, progress)
+    design = native_design(explorers, variant, values)
+    native = engine == "rtl" and design != "" and natives.prefer(design, len(rows))
+    answered = simulate_rows(
+        measurements, rows.s_prev, values, explorers, variant, progress, native=native
+    )
     return decisions_of(answered, clipped)
 
 
@@ -152,7 +159,7 @@ def _say_saturated(request: Request, saturated: IntArray) -> None:
 def _watched(request: Request, text: str, total: int) -> Iterator[Callable[[int], None] | None]:
     """Show how far the RTL is; what is wrong with the drive's values gets its file's name."""
     try:
-        if request.engine == "rtl":
+        if request.engine in RTL:
             with progress_bar(text, total) as progress:
                 yield progress
         else:

@@ -62,10 +62,13 @@ class Job:
         Where the job's files are; set by `simulate`.
     waves : Path or None
         File for every signal of the run, in the format FST; none is written if None.
+    native : bool
+        Whether the native library of the core decides, in place of GHDL.
     """
 
     folder: Path = field(default_factory=Path, kw_only=True)
     waves: Path | None = field(default=None, kw_only=True)
+    native: bool = field(default=False, kw_only=True)
 
     @property
     def progress_path(self) -> Path:

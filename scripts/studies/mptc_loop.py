@@ -32,7 +32,8 @@ from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.sequence import TIME_STEPS
 from directmpc.mptc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
 from scripts.hdl import mptc_simulation
-from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job, Loop
+from scripts.hdl import native as natives
+from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job, Loop, core_of
 from scripts.hdl.waves import Signal
 from scripts.shared.figures import COLOURS, counted, pyplot, save_png
 
@@ -140,12 +141,7 @@ class Run:
     @property
     def controller(self) -> str:
         """What decided."""
-        return f"{_entity(self.drive)} in RTL simulation"
-
-
-def _entity(drive: MptcDrive) -> str:
-    """Core that has the drive's method."""
-    return "mptc_family_core" if drive.control.sequences else "mptc_core"
+        return f"{core_of(self.drive)} in RTL simulation"
 
 
 def _rows(decisions: MptcDecisions) -> FloatArray:
@@ -183,6 +179,7 @@ def _on_rtl(
     job = Job(
         registers(drive).array(), empty, empty[:, 0], loop=loop, family=several,
         family_method=method, duty_rule=rule, waves=waves,
+        native=waves is None and natives.prefer(core_of(drive), count),
     )  # fmt: skip
     with progress_bar("RTL in closed loop", count) as progress:
         answer = mptc_simulation.simulate(job, progress)

@@ -38,6 +38,7 @@ from directmpc.mpdcc.observer import FluxObserver
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 from directmpc.mpdcc.variants import VARIANTS, count_differences, decisions_of
 from scripts.hdl import mpdcc_simulation
+from scripts.hdl import native as natives
 from scripts.hdl.clocks import worst_cycles
 from scripts.hdl.mpdcc_simulation import Job, Loop
 from scripts.hdl.waves import Signal
@@ -144,12 +145,13 @@ def simulate(
         real, flux_observer,
     )  # fmt: skip
     values = VARIANTS[variant].registers(drive).array()
+    design = mpdcc_simulation.native_design(explorers, variant, values)
+    native = waves is None and design != "" and natives.prefer(design, count)
     began = time.perf_counter()
     with progress_bar("RTL in closed loop", count) as progress:
         empty = np.empty((0, 0), np.int64)
-        answer = mpdcc_simulation.simulate(
-            Job(values, empty, empty, loop=loop, waves=waves), explorers, variant, progress
-        )
+        job = Job(values, empty, empty, loop=loop, waves=waves, native=native)
+        answer = mpdcc_simulation.simulate(job, explorers, variant, progress)
     seconds = time.perf_counter() - began
     decided = np.asarray(answer["decisions"], dtype=np.int64)
     states = np.asarray(answer["states"], dtype=np.float64)

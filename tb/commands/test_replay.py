@@ -48,13 +48,13 @@ def trace_file(tmp_path: Path, rows: MpdccTrace) -> Path:
 
 def test_rtl_and_model_agree(trace_file: Path, tmp_path: Path) -> None:
     found = {}
-    for engine in ("rtl", "model"):
+    for engine in ("ghdl", "model"):
         out = tmp_path / f"{engine}.csv"
         done = command("--drive", DRIVE, "--trace", trace_file, "--out", out, "--engine", engine)
         assert done.returncode == 0, done.stderr
         assert done.stdout == ""
         found[engine] = trace.read_decisions(out)
-    rtl, model = found["rtl"], found["model"]
+    rtl, model = found["ghdl"], found["model"]
     for name in ("s", "held", "deadlock", "length", "saturated"):
         np.testing.assert_array_equal(getattr(rtl, name), getattr(model, name), err_msg=name)
     assert model.cycles is None
@@ -79,7 +79,7 @@ def test_rows_are_put_together_in_order(rows: MpdccTrace, monkeypatch: pytest.Mo
     assert seen[-1] == 101
 
 
-@pytest.mark.parametrize("engine", ["rtl", "model", "ideal"])
+@pytest.mark.parametrize("engine", ["ghdl", "model", "ideal"])
 def test_values_outside_a_word_are_flagged(tmp_path: Path, rows: MpdccTrace, engine: str) -> None:
     few = rows.rows(slice(0, 4))
     few.x_m[1, 0] = 2.5
@@ -284,7 +284,7 @@ def test_a_simulator_that_is_missing(trace_file: Path, tmp_path: Path, monkeypat
 
 def test_an_interrupt_leaves_nothing(trace_file: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
-    arguments = ["--drive", DRIVE, "--trace", trace_file, "--out", out]
+    arguments = ["--drive", DRIVE, "--trace", trace_file, "--out", out, "--engine", "ghdl"]
     process = started(*arguments, start_new_session=True)
     assert process.stderr is not None
     assert process.stderr.readline().startswith("replay on 2 explorers: 0 of ")

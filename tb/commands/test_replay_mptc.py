@@ -133,7 +133,7 @@ def test_rtl_and_model_agree(name: str, method: str, tmp_path: Path) -> None:
     path, trace = tmp_path / "a drive.toml", tmp_path / "trace.csv"
     drive = drive_file(path, machine, pole_pairs, vdc, control, method)
     write_trace(trace, rows_of(drive, 0.75 * drive.control.psi_max))
-    rtl, model, ideal = (replayed(path, trace, engine) for engine in ("rtl", "model", "ideal"))
+    rtl, model, ideal = (replayed(path, trace, engine) for engine in ("ghdl", "model", "ideal"))
     assert rtl.cycles is not None
     assert set(rtl.cycles.tolist()) == {CYCLES[method]}
     assert model.cycles is None
@@ -157,7 +157,7 @@ def small(folder: Path, method: str = "MPTC") -> tuple[Path, Path, MptcTrace]:
     return path, trace, rows
 
 
-@pytest.mark.parametrize("engine", ["rtl", "model", "ideal"])
+@pytest.mark.parametrize("engine", ["ghdl", "model", "ideal"])
 def test_values_outside_a_word_are_flagged(tmp_path: Path, engine: str) -> None:
     drive, trace, rows = small(tmp_path)
     # the full scales of the drive: 20 A, 1.2 Wb, 600 rad/s, 30 N*m
@@ -174,7 +174,7 @@ def test_values_outside_a_word_are_flagged(tmp_path: Path, engine: str) -> None:
     found = replayed(drive, trace, engine)
     flagged = [1, 2, 3, 4, 5, 6] if engine != "ideal" else []
     assert np.flatnonzero(found.saturated).tolist() == flagged
-    if engine == "rtl":
+    if engine == "ghdl":
         # clipping gives the nearest word: as if the row had asked for just that
         rows.i_s[1, 0], rows.psi_s[2, 1], rows.omega_r[3] = 20.0, -1.2, -601.0
         rows.torque_ref[4], rows.psi_ref[5:7] = 30.0, [1.4, 0.0]
@@ -187,7 +187,7 @@ def test_a_torque_out_of_reach_is_flagged(tmp_path: Path) -> None:
     rows.torque_ref[3:5] = [29.0, -29.0]
     rows.psi_ref[3:5] = 0.1
     write_trace(trace, rows)
-    for engine in ("rtl", "model"):
+    for engine in ("ghdl", "model"):
         assert np.flatnonzero(replayed(drive, trace, engine).saturated).tolist() == [3, 4]
 
 
@@ -308,7 +308,7 @@ def test_a_signal_ends_the_simulators(tmp_path: Path, number: signal.Signals, mo
     working.mkdir()
     monkeypatch.setenv("TMPDIR", str(working))
     out = tmp_path / "out.csv"
-    process = started("--drive", drive, "--trace", trace, "--out", out)
+    process = started("--drive", drive, "--trace", trace, "--out", out, "--engine", "ghdl")
     give_up = time.monotonic() + 60.0
     while len(simulators(working)) < 2:  # one GHDL each for two halves of the trace
         assert time.monotonic() < give_up

@@ -39,8 +39,9 @@ from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mptc.drive import SEQUENCE_METHODS
 from directmpc.mptc.formats import MEASUREMENTS as MPTC_MEASUREMENTS
 from directmpc.native import Design, library
-from scripts.hdl import native
+from scripts.hdl import mptc_replay, native, replay
 from scripts.hdl.clocks import worst_clocks
+from scripts.studies import mptc_loop, rtl_loop
 
 STEPS = 300
 
@@ -182,6 +183,57 @@ def test_a_reset_and_a_state_taken_back_in_the_middle_of_a_decision(design) -> N
         one.restore(state[:-1])
     with pytest.raises(NativeError, match="no state of this design"):
         one.restore(b"x" * len(state))
+
+
+@pytest.mark.parametrize(
+    ("name", "method", "variant"),
+    [
+        ("anpc5l_6kv", "SE", "fast"),
+        ("anpc5l_6kv", "SESE", "fast"),
+        ("anpc5l_6kv", "SE", "paper"),
+        *(("induction_2kw2", method, "") for method in ("MPTC", "MPFC", "SVM")),
+    ],
+)
+def test_run_and_replay_are_ghdls(
+    name: str, method: str, variant: str, tmp_path: Path, monkeypatch
+) -> None:
+    """The commands' loop and their rows, by the library and by GHDL: decisions and clocks."""
+    drive = load_drive(name)
+    key = "switching_horizon" if variant else "method"
+    drive = drive.with_control(**{key: method}, **({"capacitor_filter": 0} if variant else {}))
+    if variant == "paper":
+        drive = drive.with_control(deadlock_rule="largest", outside_rule="dead")
+    seen = []
+    for native_ in (True, False):
+        monkeypatch.setattr(native, "LONG", 1 if native_ else 10**9)
+        monkeypatch.setattr(native.conversion, "is_cached", lambda *_: False)
+        if variant:
+            run = rtl_loop.simulate(drive, 1.0, 30, 2, variant)
+            rows, decisions = run.result.seen, run.result.decisions
+            again = replay._decide_mpdcc(drive, rows, "rtl", 2, variant)
+        else:
+            run = mptc_loop.simulate(drive, mptc_loop.Point.of(drive), 30)
+            rows, decisions = run.trace, run.decisions
+            again = mptc_replay.decide(drive, rows, "rtl")
+        assert run.differing == 0
+        for one in (decisions, again):
+            seen.append({n: v for n, v in vars(one).items() if isinstance(v, np.ndarray)})
+    assert seen[0]["cycles"].min() > 0
+    for one in seen[1:]:
+        assert one.keys() == seen[0].keys()
+        for column, values_ in seen[0].items():
+            assert np.array_equal(one[column], values_), column
+
+
+def test_the_library_is_taken_where_it_is_quicker(monkeypatch, design) -> None:
+    design("mptc_core")
+    library.build("mptc_core")
+    assert native.prefer("mptc_core", 1)  # it is there
+    monkeypatch.setattr(native.library, "kept", lambda _: (Path("/none"), []))
+    assert not native.prefer("mptc_core", 1)
+    monkeypatch.undo()
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    assert not native.prefer("mptc_core", 10**6)
 
 
 def loaded(drive: Drive | MptcDrive, name: str) -> Design:

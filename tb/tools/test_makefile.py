@@ -97,7 +97,7 @@ def test_replay_takes_absolute_paths(project):
         ("DRIVE=", "DRIVE is not set"),
         ("IN=", "IN is not set"),
         ("OUT=", "OUT is not set"),
-        ("ENGINE=magic", "ENGINE is 'magic', but has to be one of: rtl model ideal"),
+        ("ENGINE=magic", "ENGINE is 'magic', but has to be one of: rtl ghdl model ideal"),
         ("EXPLORERS=9", "EXPLORERS is '9'"),
         ("EXPLORERS=2 3", "EXPLORERS is '2 3'"),
         ("VARIANT=other", "VARIANT is 'other'"),

@@ -37,8 +37,9 @@ OPTIONS = (
     *("--cc", "-O3", "--savable", "--no-timing", "--prefix", "Vdesign", "--Mdir", "made"),
     *("--x-assign", "0", "--x-initial", "0", "-Wno-fatal", "-Wno-lint", "-Wno-style"),
 )
-#: What the compiler is told.
-FLAGS = ("-std=c++17", "-O2", "-fPIC", "-fvisibility=hidden", "-DVM_TRACE=0", "-DVM_COVERAGE=0")
+#: What the compiler is told; what runs rarely is compiled for speed of the compiler.
+FLAGS = ("-std=c++17", "-fPIC", "-fvisibility=hidden", "-DVM_TRACE=0", "-DVM_COVERAGE=0")
+_RARE = re.compile(r"__Slow\.cpp$|__Syms\.cpp$|^verilated|^fmu\.cpp$|^controller\.cpp$")
 #: Folders with headers, below that of the sources.
 FOLDERS = (".", "made", "runtime", "runtime/vltstd")
 #: What makes an FMU of a system or of `PLANT`, the exact plant of a drive.
@@ -400,6 +401,45 @@ def cross_compiler() -> list[str]:
     return []
 
 
+def kept(design: str, *, windows: bool = False) -> tuple[Path, list[str]]:
+    """Where the library of a design is kept once it is built.
+
+    Parameters
+    ----------
+    design : str
+        Name of the design, or `PLANT`.
+    windows : bool
+        For 64-bit Windows.
+
+    Returns
+    -------
+    library : Path
+        It is there, or is not.
+    cxx : list of str
+        What compiles it.
+
+    Raises
+    ------
+    NativeError
+        If a source or a tool is missing.
+    """
+    cxx = cross_compiler() if windows else compiler()
+    if not cxx:
+        raise NativeError(f"there is no {MINGW}: install MinGW, or name a compiler in CXX_WINDOWS")
+    digest = hashlib.sha256()
+    parts = [
+        HERE / name for name in ("design.cpp", "design.h", "plant.cpp", "controller.cpp", *FMI)
+    ]
+    parts += [Path(__file__)] if design == PLANT else [verilog_of(design), Path(__file__)]
+    for path in parts:
+        digest.update(path.read_bytes() + b"\0")
+    version = "" if design == PLANT else verilator().version
+    digest.update(" ".join([version, *cxx]).encode())
+    key = digest.hexdigest()[:16]
+    name = f"{design}-{key}{'.dll' if windows else '.so'}"
+    return user_cache_path("directmpc", appauthor=False) / "native" / name, cxx
+
+
 def build(design: str, say: Callable[[str], None] = _say, *, windows: bool = False) -> Path:
     """Build the library of a design, or find it built.
 
@@ -424,27 +464,14 @@ def build(design: str, say: Callable[[str], None] = _say, *, windows: bool = Fal
     OSError
         If the cache folder cannot be written.
     """
-    cxx = cross_compiler() if windows else compiler()
-    if not cxx:
-        raise NativeError(f"there is no {MINGW}: install MinGW, or name a compiler in CXX_WINDOWS")
-    digest = hashlib.sha256()
-    parts = [
-        HERE / name for name in ("design.cpp", "design.h", "plant.cpp", "controller.cpp", *FMI)
-    ]
-    parts += [Path(__file__)] if design == PLANT else [verilog_of(design), Path(__file__)]
-    for path in parts:
-        digest.update(path.read_bytes() + b"\0")
-    version = "" if design == PLANT else verilator().version
-    digest.update(" ".join([version, *cxx]).encode())
-    key = digest.hexdigest()[:16]
-    name = f"{design}-{key}{'.dll' if windows else '.so'}"
-    library = user_cache_path("directmpc", appauthor=False) / "native" / name
+    library, cxx = kept(design, windows=windows)
     if library.is_file():
         return library
     with tempfile.TemporaryDirectory(prefix="directmpc-") as temporary_name:
         folder = Path(temporary_name)
         say(f"building the native library of {design}, once; this takes about a minute")
-        files = sources(design, folder)
+        # the longest first, so that no core waits for one of them at the end
+        files = sorted(sources(design, folder), key=lambda path: -path.stat().st_size)
         flags = [flag for flag in FLAGS if not (windows and flag == "-fPIC")]
         where = [f"-I{name}" for name in FOLDERS]
         done = 0
@@ -453,7 +480,8 @@ def build(design: str, say: Callable[[str], None] = _say, *, windows: bool = Fal
             nonlocal done
             number, path = numbered
             relative = str(path.relative_to(folder))
-            _run([*cxx, *flags, *where, "-c", relative, "-o", f"{number}.o"], folder)
+            speed = "-O1" if _RARE.search(path.name) else "-O2"
+            _run([*cxx, speed, *flags, *where, "-c", relative, "-o", f"{number}.o"], folder)
             done += 1
             say(f"  {done} of {len(files)} files compiled")
             return f"{number}.o"
