@@ -1,4 +1,4 @@
-"""`make release`: wheel, netlists, FuseSoC cores, site and bitstreams of a clean, tested commit."""
+"""`make release`: wheel, FMUs, netlists, FuseSoC cores, site, bitstreams of a clean commit."""
 
 from __future__ import annotations
 

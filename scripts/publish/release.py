@@ -24,6 +24,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import directmpc
+from directmpc import Drive, MptcDrive, load_drive, shipped_drives
+from directmpc.fmu import write_controller, write_plant
+from directmpc.fmu.archive import VERSIONS
+from directmpc.fmu.variables import system_of
+from directmpc.mpdcc import tables
 from directmpc.native.library import VERILOG
 from scripts.hdl import native
 from scripts.hdl.boards import BOARDS, Board
@@ -193,6 +198,29 @@ def vendor(out: Path, time: int) -> None:
     _archive(out / f"{name}.tar.gz", files, time)
 
 
+def fmu_drives() -> dict[str, Drive | MptcDrive]:
+    """Shipped drives whose controller has a system, by name."""
+    found = {}
+    for name in shipped_drives():
+        drive = load_drive(name)
+        own = isinstance(drive, Drive) and drive.inverter.topology == tables.DEFAULT
+        if own or isinstance(drive, MptcDrive):
+            found[name] = drive
+    return found
+
+
+def fmus(out: Path, time: int) -> None:
+    """Controller and plant of the shipped drives, for both versions of FMI."""
+    del time  # FMUs have one of their own
+    drives = fmu_drives()
+    native.write({system_of(drive) for drive in drives.values()})
+    for name, drive in drives.items():
+        for version in VERSIONS:
+            tail = f"{name}_fmi{version[0]}.fmu"
+            write_controller(drive, out / f"controller_{tail}", version=version)
+            write_plant(drive, out / f"plant_{tail}", version=version)
+
+
 def bench(out: Path, time: int) -> None:
     """States, ideal decisions and costs of the bench for the field."""
     name = f"directmpc-field-bench-{VERSION}"
@@ -214,6 +242,7 @@ def bitstreams(out: Path, time: int) -> None:
 PARTS: dict[str, Callable[[Path, int], None]] = {
     "cores": cores,
     "wheel": wheel,
+    "fmus": fmus,
     "netlists": netlists,
     "site": pages,
     "field-bench": bench,

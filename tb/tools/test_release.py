@@ -161,6 +161,12 @@ def test_all_parts_make_one_release(
 
     verilog = tmp_path / "one.v"
     verilog.write_text("module one; endmodule", encoding="utf-8")
+
+    def _fmu(drive: object, out: Path, version: str) -> None:
+        out.write_text(f"{drive} {version}", encoding="utf-8")
+
+    for kind in ("controller", "plant"):
+        monkeypatch.setattr(release, f"write_{kind}", _fmu)
     monkeypatch.setattr(release.bitstream, "build_all", _build)
     monkeypatch.setattr(release.bitstream, "vendor_netlist", _netlist)
     monkeypatch.setattr(release.site, "build", _site)
@@ -171,6 +177,12 @@ def test_all_parts_make_one_release(
     archives = ("cores", "netlists", "site", "field-bench", "boards")
     assert {f"directmpc-{name}-{VERSION}.tar.gz" for name in archives} <= names
     assert len([name for name in names if name.endswith(".whl")]) == 1
+    drives = {"anpc5l_6kv", "anpc5l_3kv3", "anpc5l_grid", "anpc5l_pmsm", "anpc5l_rl"}
+    drives |= {"induction_2kw2", "motulator_2kw2"}
+    assert {name for name in names if name.endswith(".fmu")} == {
+        f"{kind}_{drive}_fmi{version}.fmu"
+        for kind in ("controller", "plant") for drive in drives for version in "23"
+    }  # fmt: skip
     bits = [name for name in names if name.endswith(".bit")]
     assert len(bits) == len(release.published())
     known = json.loads((out / "release.json").read_text(encoding="utf-8"))
