@@ -14,7 +14,7 @@ from __future__ import annotations
 import random
 import re
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -300,8 +300,14 @@ def _of_vhdl(
     outputs: Sequence[_Port],
     clock: str | None,
     folder: Path,
+    values: Mapping[str, Sequence[int]],
 ) -> np.ndarray:
     """Outputs of the VHDL as characters, in the order of `_of_netlist`."""
+    lines = (
+        "".join(f"{word:0{port.width}b}" for word, port in zip(row, inputs, strict=True)) or "0"
+        for row in zip(*(values[port.name] for port in inputs), strict=True)
+    )
+    (folder / "inputs.txt").write_text("\n".join(lines) + "\n", encoding="ascii")
     maps = [f"{clock} => clk_bench"] if clock else []
     for side, signal in ((inputs, "i"), (outputs, "o")):
         offset = sum(port.width for port in side)
@@ -331,8 +337,58 @@ def _of_vhdl(
     # a circuit with random inputs may be told so by assertions; outputs alone are compared
     quiet = ["--ieee-asserts=disable", "--assert-level=none"]
     tools.run([*ghdl, "--elab-run", *options, "agreement_bench", *quiet], cwd=folder)
-    lines = (folder / "outputs.txt").read_text(encoding="ascii").split()
-    return np.array([list(line) for line in lines])
+    found = (folder / "outputs.txt").read_bytes().split()
+    return np.frombuffer(b"".join(found), "S1").reshape(len(found), -1)
+
+
+def answers(
+    top: str, generics: Generics, verilog: Path, values: Mapping[str, Sequence[int]]
+) -> dict[str, np.ndarray]:
+    """What the VHDL of an entity of rtl/ answers to inputs, clock by clock, in GHDL.
+
+    Parameters
+    ----------
+    top : str
+        The entity.
+    generics : Generics
+        Those that are not at their defaults.
+    verilog : Path
+        Its converted Verilog, for the widths of its ports.
+    values : Mapping[str, Sequence[int]]
+        Words of every input but the clock, for each clock; an input that is left out is 0.
+
+    Returns
+    -------
+    dict[str, np.ndarray]
+        Output -> unsigned words that the edge at the end of each clock sees; -1 where the VHDL
+        does not know a bit.
+
+    Raises
+    ------
+    NotComparableError
+        If a port cannot be driven or read.
+    ToolError
+        If a tool is missing or fails.
+    """
+    files = sources.compile_order(top, sources.rtl_files(sources.RTL))
+    inputs, outputs = _ports(top, files, verilog)
+    clock = _clock(inputs)
+    inputs = [port for port in inputs if port.name != clock]
+    clocks = len(next(iter(values.values())))
+    every = {port.name: values.get(port.name, [0] * clocks) for port in inputs}
+    with tempfile.TemporaryDirectory(prefix="agreement-") as name:
+        bits = _of_vhdl(
+            top, generics, files, sources.standard(files), inputs, outputs, clock, Path(name), every
+        )
+    found, place = {}, 0
+    for port in outputs:
+        part = bits[:, place : place + port.width]
+        place += port.width
+        weights = 1 << np.arange(port.width, dtype=np.int64)[::-1]
+        words = np.isin(part, [b"1", b"H"]) @ weights
+        known = np.isin(part, [b"0", b"1", b"L", b"H"]).all(axis=1)
+        found[port.name] = np.where(known, words, -1)
+    return found
 
 
 def compare(
@@ -354,15 +410,10 @@ def compare(
     with tempfile.TemporaryDirectory(prefix="agreement-") as name:
         folder = Path(name)
         (folder / "inputs.bin").write_bytes(_to_words(values, inputs, clocks))
-        lines = (
-            "".join(f"{values[port.name][n]:0{port.width}b}" for port in inputs) or "0"
-            for n in range(clocks)
-        )
-        (folder / "inputs.txt").write_text("\n".join(lines) + "\n", encoding="ascii")
         got, sure = _of_netlist(verilog, top, inputs, outputs, clock, folder)
-        want = _of_vhdl(top, generics, files, std, inputs, outputs, clock, folder)
-    ones = np.isin(want, ["1", "H"])
-    known = (ones | np.isin(want, ["0", "L"])) & (sure == 1)
+        want = _of_vhdl(top, generics, files, std, inputs, outputs, clock, folder, values)
+    ones = np.isin(want, [b"1", b"H"])
+    known = (ones | np.isin(want, [b"0", b"L"])) & (sure == 1)
     wrong = known & (ones != (got == 1))
     if wrong.any():
         at, bit = (int(n) for n in np.argwhere(wrong)[0])

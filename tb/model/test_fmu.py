@@ -29,17 +29,31 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from directmpc import Drive, ModelController, MpdccState, MptcState, load_drive, straight_line
+from directmpc import (
+    Drive,
+    ModelController,
+    MpdccDecision,
+    MpdccState,
+    MptcDecision,
+    MptcDrive,
+    MptcState,
+    load_drive,
+    simulate,
+    straight_line,
+)
 from directmpc.__main__ import main
 from directmpc.fmu import variables, write_controller, write_plant
 from directmpc.host.measurements import Encoder
 from directmpc.host.registers import packed, registers_of, values
+from directmpc.mpdcc import closed_loop
 from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mpdcc.plant import Plant
+from directmpc.mptc.drive import SEQUENCE_METHODS
 from directmpc.mptc.formats import MEASUREMENTS as MPTC_MEASUREMENTS
+from directmpc.mptc.formats import measurement_formats
 from directmpc.mptc.plant import advance, plant_parameters
 from directmpc.native import Design, library
-from scripts.hdl import native
+from scripts.hdl import agreement, native
 from scripts.shared.tools import ROOT
 
 DRIVES = ("anpc5l_6kv", "induction_2kw2")
@@ -325,6 +339,155 @@ def loaded(drive, name: str) -> Design:
     return one
 
 
+class Loop:
+    """A controller FMU in a loop of the library: what it saw, decisions, every edge of a gate."""
+
+    def __init__(self, path: Path, drive: Drive | MptcDrive) -> None:
+        self.core, self.drive = Importer(path, early=True), drive
+        self.gates = [n for n in self.core.named if n.startswith("gate_")]
+        self.model, self.words = ModelController(drive), Encoder(drive)
+        self.seen: list[dict[str, int]] = []
+        self.edges: list[tuple[int, int]] = []
+        self.decided: list[list[float]] = []
+        self.shown = SHOWN[drive.controller]
+
+    def decide(self, state: MpdccState | MptcState) -> MpdccDecision | MptcDecision:
+        """One period; the decision that acts in the plant."""
+        core, end = self.core, round((len(self.seen) + 1) * self.drive.control.ts, 12)
+        names = list(MPDCC_MEASUREMENTS if isinstance(self.drive, Drive) else MPTC_MEASUREMENTS)
+        core.put(**given_of(state, self.drive))
+        self.seen.append(dict(zip(names, self.words.words(state)[0], strict=True)))
+        while core.time < end - 1e-12:
+            core.step(end - core.time)
+            word = sum(int(on) << bit for bit, on in enumerate(core.get(*self.gates)))
+            if word != (self.edges[-1][1] if self.edges else 0):
+                self.edges.append((round(core.time * CLOCK), word))
+        self.decided.append(core.get(*self.shown))
+        s = self.decided[-1]
+        if isinstance(state, MpdccState):
+            return MpdccDecision(tuple(int(x) for x in s[:3]), bool(s[3]), bool(s[4]), int(s[5]))
+        known = self.model.decide(state)  # a sequence is on no port
+        return known if self.drive.control.sequences else MptcDecision(int(s[0]))
+
+
+CLOCK = 25e6
+SHOWN = {
+    "mpdcc": ["s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated", "cycles"],
+    "mptc": ["u_next", "saturated", "clamped", "cycles", "flux_alpha"],
+}
+
+
+def given_of(state: MpdccState | MptcState, drive: Drive | MptcDrive) -> dict[str, float]:
+    """Inputs of an FMU for a state."""
+    if isinstance(state, MpdccState):
+        vectors = {"is": state.current, "psir": state.flux, "iref": state.current_ref}
+        rest = {"v_n": state.v_n, "omega_s": state.omega_s, "omega_r": state.omega_r}
+        rest |= {f"v_ph_{x}": v for x, v in zip("abc", state.v_ph, strict=True)}
+    else:
+        vectors = {"is": state.current, "psis": state.flux}
+        rest = {"omega_r": state.omega_r, "torque_ref": state.torque_ref, "psi_ref": state.psi_ref}
+    rest["v_dc"] = drive.inverter.vdc if state.vdc is None else state.vdc
+    parts = {f"{n}_{x}": getattr(v, y) for n, v in vectors.items() for x, y in PARTS}
+    return parts | rest
+
+
+PARTS = (("alpha", "real"), ("beta", "imag"))
+
+
+class Inputs:
+    """Inputs of a system, clock by clock, as a host on its bus gives them."""
+
+    def __init__(self, name: str) -> None:
+        self.one = Design(name)
+        self.now = {n: 0 for n, port in self.one.ports.items() if port.is_input}
+        self.rows: list[tuple[int, ...]] = []
+        self.put(rst=1)
+        self.clocks(4)
+        self.put(rst=0)
+
+    def put(self, **given: int) -> None:
+        """From the next clock on."""
+        for name, word in given.items():
+            width = self.one.ports[name].width
+            self.now[name] = word & (1 << width) - 1
+            self.one.put(name, word)
+
+    def clocks(self, count: int) -> None:
+        """Let clocks pass."""
+        self.rows += [tuple(self.now.values())] * count
+        self.one.clocks(count)
+
+    def write(self, address: int, word: int) -> None:
+        """Write a register over AXI4-Lite."""
+        self.put(s_axil_awaddr=address, s_axil_wdata=word, s_axil_wstrb=15, s_axil_bready=1)
+        waiting = {"s_axil_awvalid": "s_axil_awready", "s_axil_wvalid": "s_axil_wready"}
+        self.put(**dict.fromkeys(waiting, 1))
+        answered = False
+        while waiting or not answered:
+            self.one.clocks(0)  # inputs settle
+            taken = [n for n, ready in waiting.items() if self.one.get(ready)]
+            answered = answered or bool(self.one.get("s_axil_bvalid"))
+            self.clocks(1)
+            for name in taken:
+                del waiting[name]
+                self.put(**{name: 0})
+        self.put(s_axil_bready=0)
+
+
+LOOPS = [
+    *((n, None) for n in ("anpc5l_6kv", "anpc5l_3kv3", "anpc5l_grid", "anpc5l_pmsm", "anpc5l_rl")),
+    *((n, m) for n in ("induction_2kw2", "motulator_2kw2") for m in ("MPTC", "MPFC", "MPC2")),
+    *(("induction_2kw2", m) for m in SEQUENCE_METHODS if m != "MPC2"),
+]
+
+
+@pytest.mark.parametrize(("name", "method"), LOOPS)
+def test_a_loop_is_ghdls(name: str, method: str | None, tmp_path: Path) -> None:
+    """Every decision and every edge of a gate at its clock, by the VHDL itself in GHDL."""
+    drive = load_drive(name) if method is None else load_drive(name).with_control(method=method)
+    design = variables.system_of(drive)
+    native.write([design])
+    path = write_controller(drive, tmp_path / "core.fmu", windows=False)
+    loop, steps, period = Loop(path, drive), 24, round(drive.control.ts * CLOCK)
+    if isinstance(drive, Drive):  # gates come on at position 0, from where no phase goes far
+        profile = closed_loop.constant_profile(drive, closed_loop.OperatingPoint(1.0), steps)
+        closed_loop.drive_controller(drive, loop, profile, steps, checked=False, filtered=False)
+    else:
+        simulate(drive, loop, steps=steps)
+    assert loop.core.get("faults", "running") == [0, True]
+    inputs, registers = Inputs(design), registers_of(drive.controller)
+    inputs.clocks(300)
+    for _, address, word in values(drive, clock=CLOCK, built=variables.BUILT[design]).writes():
+        inputs.write(address, word)
+    inputs.clocks(300)
+    inputs.put(enable=1)
+    inputs.clocks(4096)
+    address, fields = registers["system.control"]
+    inputs.write(address, packed("system.control", fields, {"enable": 1, "own_positions": 1}))
+    first = len(inputs.rows)
+    for words in loop.seen:
+        inputs.put(**words, start=1)
+        inputs.clocks(1)
+        inputs.put(start=0)
+        inputs.clocks(period - 1)
+    inputs.clocks(1)  # what a clock shows is known at its end
+    top, generics = native.DESIGNS[design]
+    columns = dict(zip(inputs.now, zip(*inputs.rows, strict=True), strict=True))
+    found = agreement.answers(top, generics, library.verilog_of(design), columns)
+    after = {n: column[first:] for n, column in found.items()}
+    gates = after["gates"]
+    changes = np.flatnonzero(np.diff(gates)) + 1
+    assert loop.edges == [(int(k), int(gates[k])) for k in changes]
+    assert len(loop.edges) > 12
+    scale = {"flux_alpha": measurement_formats(drive)["psis_alpha"].scale} if method else {}
+    for k, decided in enumerate(loop.decided, 1):
+        for port, value in zip(loop.shown, decided, strict=True):
+            word = int(after[port][k * period])
+            if port in scale:
+                word = (word - (word >> 15 << 16)) / scale[port]
+            assert value == word, (k, port)
+
+
 @pytest.mark.parametrize("name", DRIVES)
 def test_steps_of_any_size(fmu, name: str) -> None:
     """At the ends of control periods everything is as with steps of one period."""
@@ -534,22 +697,17 @@ def test_plants_are_those_of_the_library(fmu) -> None:
         )
 
 
+def used() -> float:
+    """MB of this process."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize() / 1e6
+
+
 def test_memory_stands(fmu) -> None:
     """Steps and rollbacks take none; an instance has less than 10 MB."""
     name = "induction_2kw2"
     path, ts = fmu(name), period_of(name)
     one = Importer(path)
-
-    def grown(work: Callable[[], object]) -> float:
-        """MB that the process has grown by."""
-        work()
-        before = used()
-        work()
-        return used() - before
-
-    def used() -> float:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
-        return pages * resource.getpagesize() / 1e6
 
     def steps() -> None:
         for _ in range(5000):
@@ -559,9 +717,29 @@ def test_memory_stands(fmu) -> None:
             one.one.setFMUState(state)
             one.one.freeFMUState(state)
 
-    assert grown(steps) < 1.0
-    before, many = used(), [Importer(path) for _ in range(5)]
-    assert (used() - before) / len(many) < 10.0
+    steps()
+    before = used()
+    steps()
+    assert used() - before < 1.0
+    for one_more in DRIVES:
+        path, before = fmu(one_more), used()
+        many = [Importer(path) for _ in range(5)]
+        assert (used() - before) / len(many) < 10.0
+
+
+def test_a_million_steps_take_no_memory(fmu) -> None:
+    name = "induction_2kw2"
+    one, ts = Importer(fmu(name)), period_of(name)
+    given = list(itertools.islice(inputs_of(name), 1000))
+    places = [one.named[n].valueReference for n in given[0]]
+    rows = [list(values_.values()) for values_ in given]
+    for k in range(1_000_000):
+        if k == 10_000:
+            before = used()
+        one.one.setFloat64(places, rows[k % len(rows)])
+        one.one.doStep(k * ts, ts)
+    assert used() - before < 1.0
+    assert one.get("clocks") == [1_000_000 * round(ts * CLOCK)]
 
 
 def test_the_command(tmp_path: Path, capsys) -> None:

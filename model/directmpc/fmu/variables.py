@@ -399,7 +399,7 @@ def controller(
     ------
     ValueError
         If the drive cannot be represented, lacks a key without which no gate comes on, or its
-        period is no whole number of clocks; for methods of several vectors.
+        period is no whole number of clocks; for K-best.
     """
     design = system_of(drive)
     if missing := drive.guard.missing():
