@@ -242,6 +242,9 @@ extern "C" {
 #define SYSTEM_REGISTERS__GATES__GATES_bm 0xffffff
 #define SYSTEM_REGISTERS__GATES__GATES_bp 0
 #define SYSTEM_REGISTERS__GATES__GATES_bw 24
+#define SYSTEM_REGISTERS__GATES__CONVERTER_bm 0xf0000000
+#define SYSTEM_REGISTERS__GATES__CONVERTER_bp 28
+#define SYSTEM_REGISTERS__GATES__CONVERTER_bw 4
 
 // regfile - system_registers
 typedef struct __attribute__ ((__packed__)) {

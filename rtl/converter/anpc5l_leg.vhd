@@ -26,6 +26,7 @@ package anpc5l_leg is
   constant CAPACITOR_CHARGE : positions_mask_t := "01000100"; -- i > 0 charges the phase capacitor
   constant CAPACITOR_DISCHARGE : positions_mask_t := "00100010"; -- i > 0 discharges it
 
+  constant CONVERTER : natural := 0; -- number by which a host knows it
   constant HAS_CAPACITORS : boolean := true; -- phases have capacitors
   constant HAS_NEUTRAL : boolean := true; -- there is a neutral point
   constant SIGNED_WEIGHTS : boolean := false; -- weights depend on the current's sign

@@ -23,11 +23,12 @@ library ieee;
 
 library work;
   use work.directmpc_system_registers_pkg.all;
+  use work.anpc5l_leg.converter;
   use work.gate_tables.all;
 
 entity system_shell is
   generic (
-    FIVE_LEVEL      : boolean                  := true; -- true: legs of eight gates, false: of two
+    FIVE_LEVEL      : boolean                  := true; -- true: legs of the converter's package, false: two-level ones
     MEASUREMENTS    : positive range 1 to 16   := 13;   -- registers that a measurement has, positions not counted
     LEAST_DEAD_TIME : positive range 1 to 4095 := 10    -- clocks; shorter dead times are raised to it
   );
@@ -408,6 +409,10 @@ begin
   ---------------------------------------------------------------------------------------------
 
   shown.capabilities <= capabilities;
+
+  -- two-level legs beside the package's are the two-level controllers': their map says nothing of it
+  shown.gates.converter.next_q <= std_logic_vector(to_unsigned(CONVERTER, 4)) when FIVE_LEVEL else
+                                  "0000";
 
   shown.status.busy.next_q           <= busy;
   shown.status.commit_pending.next_q <= pending or preparing;

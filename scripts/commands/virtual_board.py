@@ -12,6 +12,8 @@ from pathlib import Path
 from directmpc.api.drive_file import load_core_drive
 from directmpc.host.board import SPI
 from directmpc.host.console import terminable
+from directmpc.mpdcc import tables
+from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import virtual_board
 from scripts.hdl.boards import BOARDS, BUILDS
@@ -60,11 +62,14 @@ def _shown(path: Path) -> str:
 
 def _run(given: argparse.Namespace) -> int | None:
     controller, family = given.controller or "mpdcc", given.family
+    topology = tables.DEFAULT
     if given.drive:
         drive = load_core_drive(given.drive)
         if given.controller not in (None, drive.controller):
             raise UsageError(f"{given.drive} is for {drive.controller}")
         controller = drive.controller
+        if isinstance(drive, Drive):
+            topology = drive.inverter.topology
         family = family or (isinstance(drive, MptcDrive) and drive.control.sequences)
     if controller != "mptc" and (family or given.sensorless):
         raise UsageError("--family and --sensorless are for --controller mptc")
@@ -81,7 +86,12 @@ def _run(given: argparse.Namespace) -> int | None:
         chosen = BOARDS[given.board].generics(build, given.explorers)
     with progress.busy("virtual board: compiling, a minute the first time"):
         board = virtual_board.VirtualBoard(
-            chosen, given.port, given.gates, free_running=given.free_running, spi=given.spi
+            chosen,
+            given.port,
+            given.gates,
+            verilog=virtual_board.netlist_of(chosen, topology),
+            free_running=given.free_running,
+            spi=given.spi,
         )
     print(board.said)
     port = f"{SPI if given.spi else ''}{_shown(given.port)}"

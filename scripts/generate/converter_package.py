@@ -86,7 +86,8 @@ def _leg(leg: Converter) -> list[str]:
         ("HAS_NEUTRAL", bool(neutral.any()), "there is a neutral point"),
         ("SIGNED_WEIGHTS", leg.has_signed_weights, "weights depend on the current's sign"),
     ]
-    lines.append("")
+    number = tables.NAMES.index(leg.name)
+    lines += ["", f"  constant CONVERTER : natural := {number}; -- number by which a host knows it"]
     for name, is_there, text in parts:
         lines.append(f"  constant {name} : boolean := {str(is_there).lower()}; -- {text}")
     lines += [

@@ -31,6 +31,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from directmpc.mpdcc import tables
+from scripts.generate import converter_package
 from scripts.hdl import conversion as netlist
 from scripts.hdl.boards import BOARDS
 from scripts.shared import tools
@@ -74,6 +76,11 @@ def generics(
     return found
 
 
+def netlist_of(chosen: Generics, topology: str = tables.DEFAULT) -> Path:
+    """Converted netlist of a board whose MPDCC system is built for a converter."""
+    return netlist.cached("board_top", chosen, rtl=converter_package.rtl_of(topology))
+
+
 def _line(chosen: Generics) -> list[str]:
     """Clocks a bit of the UART, clocks of the oscillator to one of the core, clocks to settle."""
     period = repr(int(chosen["CLOCK_HZ"]) / int(chosen["BAUD"]))
@@ -108,7 +115,7 @@ def _moved(parts: Path, folder: Path) -> None:
 
 def _model(chosen: Generics, verilog: Path | None, pll: Path) -> Path:
     """Folder with the compiled board, without the harness around its pins."""
-    source = verilog or netlist.cached("board_top", chosen)
+    source = verilog or netlist_of(chosen)
     text = netlist.meaning(source.read_text(encoding="utf-8"))
     clock = [pll] if chosen.get("PLL") else []
     key = tools.digest(text, tools.version("verilator"), *OPTIONS, *clock)[:16]

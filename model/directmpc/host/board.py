@@ -57,6 +57,7 @@ from directmpc.host.registers import (
 )
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.formats import BOUND_HIGH
+from directmpc.mpdcc.tables import NAMES
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sequence import TIME_STEPS
 from directmpc.states import (
@@ -578,6 +579,7 @@ class Board:
         else:
             known = drive if isinstance(drive, Drive | MptcDrive) else load_core_drive(drive)
             self._check_controller(known.controller)
+            self._check_converter(known)
             found = self.values(known, sensorless=sensorless)
             if self.real_time:
                 refuse_slow(known, found, self.variant, max(self.identity.explorers, 1))
@@ -617,6 +619,16 @@ class Board:
     def _check_controller(self, controller: str) -> None:
         if controller != self.controller:
             raise LinkError(f"the drive file is for {controller}, the board has {self.controller}")
+
+    def _check_converter(self, drive: Drive | MptcDrive) -> None:
+        if isinstance(drive, Drive):
+            number = self.read("system.gates")["converter"]
+            built = NAMES[number] if number < len(NAMES) else f"number {number}"
+            if drive.inverter.topology != built:
+                raise LinkError(
+                    f"the drive file is for the converter {drive.inverter.topology}, the board has "
+                    f"gates for {built}"
+                )
 
     def start(self) -> tuple[str, ...]:
         """Clear the faults and let the gates switch; they follow the decisions from now on.

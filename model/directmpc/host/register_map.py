@@ -122,6 +122,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
             0x030,
             {
                 "gates": (0, 24, False),
+                "converter": (28, 4, False),
             },
         ),
         "guard.dead_time": (
@@ -877,6 +878,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
             0x030,
             {
                 "gates": (0, 24, False),
+                "converter": (28, 4, False),
             },
         ),
         "guard.dead_time": (

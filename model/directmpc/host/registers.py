@@ -27,7 +27,7 @@ from directmpc.api.kinds import kind_of
 from directmpc.drive_tables import keys_of
 from directmpc.host.console import OneParagraphParser, reported
 from directmpc.mpdcc import coefficients, formats
-from directmpc.mpdcc.drive import Drive, Guard, only_default
+from directmpc.mpdcc.drive import Drive, Guard
 from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import cycles as mptc_cycles
 from directmpc.mptc import formats as mptc_formats
@@ -460,7 +460,6 @@ def values(
     saturated: list[str] = []
     words = guard_words(drive, clock, saturated)
     if isinstance(drive, Drive):
-        only_default(drive)
         from directmpc.mpdcc import capacitor_observer, leakage
         from directmpc.mpdcc import observer as rotor_flux_observer
 
@@ -494,7 +493,7 @@ def values(
     words |= {f"parameters.{name}": value for name, value in parameters.items()}
     addresses = registers_of(controller)
     words = dict(sorted(words.items(), key=lambda word: addresses[word[0]][0]))
-    return RegisterValues(controller, words, clock, saturated, drive.guard.missing())
+    return RegisterValues(controller, words, clock, saturated, drive.missing())
 
 
 def _sequence_words(drive: MptcDrive, clock: float) -> dict[str, int]:

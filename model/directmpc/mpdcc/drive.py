@@ -260,6 +260,21 @@ class FiveLevelDrive(AnyDrive):
         """
         return 2 * math.pi * self.base.frequency * self.control.ts
 
+    def missing(self) -> list[str]:
+        """What has to be added to the file before its drive can be started.
+
+        Returns
+        -------
+        list of str
+            As of its `guard`, but for limits of what the converter does not have.
+        """
+        leg, absent = self.converter, []
+        if leg.capacitor_nodes is None:
+            absent += ["guard.v_ph_high:", "guard.v_ph_low:"]
+        if leg.neutral_node is None:
+            absent += ["guard.v_n_limit:"]
+        return [said for said in self.guard.missing() if not said.startswith(tuple(absent))]
+
 
 def only_default(drive: FiveLevelDrive) -> None:
     """Refuse a drive whose converter is not the usual one, for what is built for that one alone.

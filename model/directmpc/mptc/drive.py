@@ -197,3 +197,13 @@ class MptcDrive(AnyDrive):
         lm = mutual * m.lm
         inductances = {k: lm + leakage * (getattr(m, k) - m.lm) for k in ("ls", "lr")}
         return self.changed(machine={"rs": rs * m.rs, "rr": rr * m.rr, "lm": lm, **inductances})
+
+    def missing(self) -> list[str]:
+        """What has to be added to the file before its drive can be started.
+
+        Returns
+        -------
+        list of str
+            As of its `guard`.
+        """
+        return self.guard.missing()

@@ -3912,6 +3912,7 @@ begin
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#30#) then
             readback_data_var(ad_hi(16#30#))(23 downto 0) := hwif_in.system.gates.gates.next_q;
+            readback_data_var(ad_hi(16#30#))(31 downto 28) := hwif_in.system.gates.converter.next_q;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#40#) then
             readback_data_var(ad_hi(16#40#))(11 downto 0) := field_storage.guard.dead_time.clocks.value;

@@ -258,8 +258,13 @@ package directmpc_system_registers_pkg is
         next_q : std_logic_vector(23 downto 0);
     end record;
 
+    type \system_registers.gates.converter_in_t\ is record
+        next_q : std_logic_vector(3 downto 0);
+    end record;
+
     type \system_registers.gates_in_t\ is record
         gates : \system_registers.gates.gates_in_t\;
+        converter : \system_registers.gates.converter_in_t\;
     end record;
 
     type system_registers_in_t is record
