@@ -10,7 +10,6 @@ from scripts.shared.command import Command
 #: Modules of `scripts.generate`, in the order in which they need one another.
 GENERATORS = (
     "mpdcc_package",
-    "converter_package",
     "mptc_package",
     "kbest_package",
     "observer_packages",

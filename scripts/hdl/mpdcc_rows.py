@@ -16,9 +16,8 @@ from directmpc.mpdcc.closed_loop import ClosedLoopResult
 from directmpc.mpdcc.coefficients import inwards, registers, second_level, weighted_deadlock
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.program import COEFFICIENTS
-from scripts.generate import converter_package
+from scripts.hdl import converter_package, states
 from scripts.hdl import mpdcc_simulation as rtl_simulation
-from scripts.hdl import states
 from scripts.hdl.clocks import worst_clocks
 from scripts.hdl.ghdl import execute
 from scripts.hdl.mpdcc_simulation import BENCH, Job, Loop, generics

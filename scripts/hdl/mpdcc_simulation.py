@@ -25,9 +25,8 @@ from directmpc.mpdcc.formats import MEASUREMENTS
 from directmpc.mpdcc.plant import Plant
 from directmpc.mpdcc.variants import FIELDS
 from directmpc.native import Design
-from scripts.generate import converter_package
+from scripts.hdl import converter_package, simulator
 from scripts.hdl import native as natives
-from scripts.hdl import simulator
 from scripts.hdl.clocks import clocks_of, worst_clocks
 from scripts.hdl.simulator import Answer
 from scripts.shared.tools import ROOT

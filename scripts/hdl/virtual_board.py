@@ -32,8 +32,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from directmpc.mpdcc import tables
-from scripts.generate import converter_package
 from scripts.hdl import conversion as netlist
+from scripts.hdl import converter_package
 from scripts.hdl.boards import BOARDS
 from scripts.shared import tools
 from scripts.shared.tools import BUILD, ROOT, Generics, ToolError

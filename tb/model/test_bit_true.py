@@ -28,9 +28,9 @@ from directmpc.mpdcc.bit_true import paper as bit_true
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.program import PROGRAMS
-from scripts.generate import converter_package, core_shells
-from scripts.generate import mpdcc_package as vhdl_package
-from scripts.hdl import states
+from scripts.generate import core_shells
+from scripts.hdl import constants_package as vhdl_package
+from scripts.hdl import converter_package, states
 from scripts.hdl.mpdcc_rows import DECIDE
 from tb.helpers import plain, plain_states
 

@@ -20,7 +20,7 @@ from scripts.shared.tools import ROOT
 IN_PLACE = {
     "model/directmpc/native/library.py": 3,  # a folder of its own, which goes again
     "scripts/hdl/agreement.py": 5,  # a folder of its own, which goes again
-    "scripts/generate/converter_package.py": 1,  # a copy of the design below build/
+    "scripts/hdl/converter_package.py": 1,  # a copy of the design below build/
     "scripts/hdl/conversion.py": 1,  # a folder of its own, which goes again
     "scripts/hdl/ghdl.py": 1,  # the same
     "scripts/hdl/mpdcc_rows.py": 1,  # the same

@@ -44,9 +44,7 @@ def test_a_board_of_a_converter_controls_its_load(name: str, topology: str, tmp_
         VirtualBoard(chosen, tmp_path / "board", verilog=verilog) as running,
         Board(running.port, timeout=20) as board,
     ):
-        with pytest.raises(
-            LinkError, match=f"converter npc3l, .* {topology}"
-        ):
+        with pytest.raises(LinkError, match=f"converter npc3l, .* {topology}"):
             board.load(drive.changed(inverter={"topology": "npc3l"}))
         board.load(drive)
         with lockstep.gates_enabled(board):

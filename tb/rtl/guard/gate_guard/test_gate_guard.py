@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from directmpc.mpdcc import tables
-from scripts.generate import converter_package
+from scripts.hdl import converter_package
 from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import altered

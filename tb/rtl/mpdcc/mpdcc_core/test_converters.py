@@ -22,7 +22,7 @@ from directmpc import load_drive
 from directmpc.mpdcc import closed_loop, tables
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.variants import VARIANTS
-from scripts.generate import converter_package
+from scripts.hdl import converter_package
 from scripts.hdl import mpdcc_rows as core
 from scripts.hdl.mpdcc_rows import Rows
 
