@@ -90,7 +90,7 @@ class Look(NamedTuple):
     right: tuple[tuple[int, str, float], ...]
 
 
-class Kind(Protocol):
+class _Kind(Protocol):
     """What there is of each kind of drive.
 
     Attributes
@@ -169,7 +169,11 @@ class Kind(Protocol):
         """Decision of the core's output ports."""
 
 
-class FiveLevelKind:
+Kind = _Kind
+"""For annotations; the three kinds are in `KINDS`."""
+
+
+class _FiveLevelKind:
     """Drives per unit: MPDCC, and what K-best has of it."""
 
     state = MpdccState
@@ -311,7 +315,7 @@ class FiveLevelKind:
         )
 
 
-class KbestKind(FiveLevelKind):
+class _KbestKind(_FiveLevelKind):
     """Drives of K-best; its controllers keep a plan and compensate a delay by themselves."""
 
     engines = ("ideal", "model")
@@ -326,7 +330,7 @@ class KbestKind(FiveLevelKind):
         return state
 
 
-class TwoLevelKind:
+class _TwoLevelKind:
     """Drives in SI: MPTC, MPFC, and their family of two and three vectors."""
 
     state = MptcState
@@ -464,9 +468,9 @@ class TwoLevelKind:
 
 
 KINDS: dict[str, Kind] = {
-    "mpdcc": FiveLevelKind(),
-    "kbest": KbestKind(),
-    "mptc": TwoLevelKind(),
+    "mpdcc": _FiveLevelKind(),
+    "kbest": _KbestKind(),
+    "mptc": _TwoLevelKind(),
 }
 """Kind of a drive by the key `controller` of its file."""
 

@@ -793,7 +793,7 @@ def _run(
     )
 
 
-class OuterLoop(Protocol):
+class _OuterLoop(Protocol):
     """What makes references and speed of a run step by step."""
 
     def ask(self, k: int, seen: FloatArray) -> None:
@@ -817,7 +817,7 @@ def drive_controller(
     errors: DriveErrors = NO_ERRORS,
     flux_observer: bool = False,
     progress: Callable[[int], None] | None = None,
-    outer: OuterLoop | None = None,
+    outer: _OuterLoop | None = None,
 ) -> ClosedLoopResult:
     """Run any controller in closed loop with the exact plant, step by step in Python.
 
@@ -847,7 +847,7 @@ def drive_controller(
         plant's in the first step, in place of the plant's.
     progress : callable, optional
         Called with the number of decisions made.
-    outer : OuterLoop, optional
+    outer : object with the methods of `_OuterLoop`, optional
         Makes references and speed of `profile` as the run goes on.
 
     Returns

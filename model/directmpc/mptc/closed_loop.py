@@ -539,11 +539,11 @@ def of_one(decide: Any) -> Any:
     """
 
     @njit(kept=False)
-    def decide_one(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
+    def _decide_one(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
         u, saturated, clamped = decide(p, i, psi, omega_r, applied.u1, vdc, torque_ref, psi_ref)
         return whole(u), saturated, clamped
 
-    return decide_one
+    return _decide_one
 
 
 def controller_of(
