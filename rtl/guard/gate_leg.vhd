@@ -165,7 +165,7 @@ begin
 
   begin
 
-    dead_pause <= std_logic_vector(unsigned(dead_time) - 1);
+    dead_pause <= std_logic_vector(unsigned(dead_time) - to_unsigned(1, TIME_WIDTH));
 
     i_age : entity work.countdown
       generic map (

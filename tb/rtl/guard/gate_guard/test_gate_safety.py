@@ -72,8 +72,8 @@ SEEDED = {
         'start_of(FIVE_LEVEL, accepted, "000") when',
         "pattern_of(FIVE_LEVEL, accepted) when",
     ),
-    "slow stop": (True, "gate_leg", "(over and not dark);", "'0';"),
-    "rail last": (True, "gate_leg", "at_rail(FIVE_LEVEL, driven) or (over", "(over"),
+    "slow stop": (True, "gate_leg", "(aged and not dark);", "'0';"),
+    "rail last": (True, "gate_leg", "at_rail(FIVE_LEVEL, driven) or (aged", "(aged"),
     "primed": (False, "gate_supervisor", "primed <= '0';\n      elsif", "null;\n      elsif"),
 }
 
