@@ -52,8 +52,8 @@ def test_help_and_wrong_arguments(name: str, capsys: pytest.CaptureFixture[str])
     assert said.count("\n") == 1
 
 
-TAKE_A_DRIVE = {"check", "coefficients", "deadlocks", "drive-info", "extrapolation", "fmu",
-                "horizon", "mptc-study", "observer", "registers", "replay", "run",
+TAKE_A_DRIVE = {"check", "coefficients", "deadlocks", "demo", "drive-info", "extrapolation", "fmu",
+                "horizon", "mptc-study", "observer", "registers", "replay", "run", "scope",
                 "virtual-board"}  # fmt: skip
 
 

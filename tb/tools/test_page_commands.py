@@ -217,7 +217,7 @@ def _other(name: str, arguments: Call) -> None:
             _python(["-m", "scripts", *rest])
         case ["directmpc-host", *rest]:
             _accepts(host, rest, name)
-        case ["pip", "install", "." | ".[board]" | ".[spi]" as what]:
+        case ["pip", "install", "." | ".[board]" | ".[spi]" | ".[scope]" as what]:
             project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
             extras = project["project"]["optional-dependencies"]
             assert what == "." or what[2:-1] in extras
