@@ -407,6 +407,13 @@ def test_a_drive_is_started_set_and_stopped(browser: Any, live: Scope) -> None:
         assert page.text("#status") == "off"
 
 
+def test_the_address_of_the_demo_starts_the_drive(browser: Any, live: Scope) -> None:
+    with Page(browser, f"{live.address}#start") as page:
+        page.until("directmpc.state.running && directmpc.store.total > 20")
+        page.click("#stop")
+        page.until("!directmpc.state.running")
+
+
 def test_a_trip_is_seen_with_what_came_before_in_two_clicks(browser: Any, live: Scope) -> None:
     with Page(browser, live.address) as page:
         running(page)

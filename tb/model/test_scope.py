@@ -19,8 +19,10 @@ import threading
 import time
 import urllib.error
 import urllib.request
+import webbrowser
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -113,6 +115,22 @@ def test_exports_name_units_and_hold_the_gates(tmp_path: Path) -> None:
     assert {round(time * 1e9) for time, _ in record.edges_from(0)} <= times | {0}
     with pytest.raises(ValueError, match="no such rows"):
         records.written(record, "csv", 100, 200, 0)
+
+
+def test_a_simulation_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    made: list[Any] = []
+    serving = served.serving
+    monkeypatch.setattr(served, "serving", lambda *a: made.append(serving(*a)) or made[-1])
+    result = simulate(load_drive("anpc5l_6kv"), "ideal", steps=20, scope=True)
+    try:
+        with urllib.request.urlopen(opened[0], timeout=20) as answer:
+            assert b"scope.js" in answer.read()
+        with urllib.request.urlopen(f"{opened[0]}export/trace", timeout=20) as answer:
+            assert len(answer.read().splitlines()) == len(result) + 1
+    finally:
+        made[0][0].should_exit = True
 
 
 def test_a_record_forgets_its_oldest_rows() -> None:
