@@ -13,6 +13,7 @@ Does not prove: that the Verilog is the VHDL (tb/tools/test_netlist.py does).
 
 from __future__ import annotations
 
+import argparse
 import random
 import time
 from collections.abc import Callable
@@ -39,6 +40,7 @@ from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mptc.drive import SEQUENCE_METHODS
 from directmpc.mptc.formats import MEASUREMENTS as MPTC_MEASUREMENTS
 from directmpc.native import Design, library
+from scripts.commands.native import COMMAND
 from scripts.hdl import mptc_replay, native, replay
 from scripts.hdl.clocks import worst_clocks
 from scripts.studies import mptc_loop, rtl_loop
@@ -320,6 +322,16 @@ def test_clocks_that_are_not_computed_change_nothing(name: str, design) -> None:
     assert changes > 20
     assert slow.skipped == 0
     assert quick.skipped > 0.8 * quick.edges
+
+
+def test_the_command_takes_some_designs_or_none(capsys) -> None:
+    parser = argparse.ArgumentParser()
+    COMMAND.arguments(parser)
+    assert parser.parse_args([]).designs == []
+    assert parser.parse_args(["mptc_core", "--rates"]).designs == ["mptc_core"]
+    with pytest.raises(SystemExit):
+        parser.parse_args(["no_core"])
+    assert "got 'no_core'; it must be of mpdcc_core, " in capsys.readouterr().err
 
 
 def test_what_is_missing_is_named(tmp_path: Path, monkeypatch, design) -> None:
