@@ -607,6 +607,16 @@ def test_parameters_that_do_not_fit_together_are_refused(fmu) -> None:
     assert "write the FMU of such a drive" in one.said[-1]
 
 
+@pytest.mark.parametrize(
+    ("name", "said"), [("npc3l_3kv3", "inverter.topology"), ("anpc5l_6kv_kbest", "controller")]
+)
+def test_a_drive_of_another_kind_is_refused(name: str, said: str, tmp_path: Path) -> None:
+    """The systems that are converted have the tables of one converter."""
+    with pytest.raises(ValueError, match=said):
+        write_controller(load_drive(name), tmp_path / "x.fmu")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_key_that_is_not_seen_is_no_parameter() -> None:
     """What NumPy or `int` does to a key goes unnoticed, and drops it."""
 

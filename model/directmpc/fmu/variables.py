@@ -59,6 +59,8 @@ def system_of(drive: Any) -> str:
     """
     if drive.controller not in SYSTEMS:
         raise ValueError(f"controller: {drive.controller} has no FMU; {', '.join(SYSTEMS)} have")
+    if isinstance(drive, FiveLevelDrive):
+        only_default(drive)
     sequences = isinstance(drive, MptcDrive) and drive.control.sequences
     return FAMILY if sequences else SYSTEMS[drive.controller]
 
