@@ -294,6 +294,8 @@ begin
     variable more_effort : unsigned(EFFORT_WIDTH + 1 downto 0);
     variable t       : natural range 0 to 7;
     variable delta   : change_t;
+    variable rises   : std_logic;    -- '1': the move adds to u
+    variable twice   : wide_error_t;
     variable u       : wide_error_t;
     variable w       : wide_error_t;
     variable drawn   : signed(VOLTAGE_WIDTH + 2 downto 0);
@@ -335,15 +337,13 @@ begin
       index_1  <= index;
       moving_1 <= moving;
       s        := to_integer(positions(phase));
-      delta    := adjusted(to_signed(0, change_t'length), resize(level, change_t'length),
-                           moving and to_std_logic(LEVEL_STEP(s, index) > 0),
-                           moving and to_std_logic(LEVEL_STEP(s, index) < 0));
-      delta    := adjusted(delta, resize(effect, change_t'length),
-                           moving and to_std_logic(CAPACITOR_STEP(s, index) > 0),
-                           moving and to_std_logic(CAPACITOR_STEP(s, index) < 0));
-      delta_1  <= adjusted(delta, resize(on_neutral, change_t'length),
-                           moving and to_std_logic(NEUTRAL_STEP(s, index) > 0),
-                           moving and to_std_logic(NEUTRAL_STEP(s, index) < 0));
+      -- with the sign of the level, which every move changes by one
+      delta   := adjusted(resize(level, change_t'length), resize(effect, change_t'length),
+                          to_std_logic(CAPACITOR_STEP(s, index) = LEVEL_STEP(s, index)),
+                          to_std_logic(CAPACITOR_STEP(s, index) /= LEVEL_STEP(s, index)));
+      delta_1 <= adjusted(delta, resize(on_neutral, change_t'length),
+                          to_std_logic(NEUTRAL_STEP(s, index) = LEVEL_STEP(s, index)),
+                          to_std_logic(NEUTRAL_STEP(s, index) = -LEVEL_STEP(s, index)));
       half_1   <= my_half;
       place_1  <= my_place;
 
@@ -358,14 +358,18 @@ begin
       s               := to_integer(before.positions(phase_1));
       t               := NEIGHBOUR_OF(s, index_1);
 
+      rises := to_std_logic(LEVEL_STEP(s, index_1) > 0);
+      twice := resize(delta_1, twice'length);
+
       if (phase_1 = 0) then
-        u := adjusted(active.keep_u, shift_left(resize(delta_1, u'length), 1), '0', '1');
-      else
-        u := adjusted(active.keep_u, resize(delta_1, u'length), '1', '0');
+        twice := shift_left(twice, 1);
+        rises := not rises;
       end if;
 
-      w     := adjusted(active.keep_w, resize(delta_1, w'length), to_std_logic(phase_1 = 2),
-                        to_std_logic(phase_1 = 1));
+      u     := adjusted(active.keep_u, twice, moving_1 and rises, moving_1 and not rises);
+      w     := adjusted(active.keep_w, resize(delta_1, w'length),
+                        moving_1 and to_std_logic((phase_1 = 2 and rises = '1') or (phase_1 = 1 and rises = '0')),
+                        moving_1 and to_std_logic((phase_1 = 1 and rises = '1') or (phase_1 = 2 and rises = '0')));
       drawn := adjusted(active.drawn, resize(neutral, drawn'length),
                         moving_1 and to_std_logic(DRAWN_STEP(s, index_1) < 0),
                         moving_1 and to_std_logic(DRAWN_STEP(s, index_1) > 0));

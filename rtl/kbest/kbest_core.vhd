@@ -12,7 +12,7 @@
 --
 -- Formats: per unit with the scales at each port; parameters as directmpc.kbest.coefficients computes
 -- them from a drive file.
--- Latency: 1050 clocks at most with BEAM = 8 and STAGES = 12, 1075 with compensate.  busy falls
+-- Latency: 1050 clocks at most with BEAM = 8 and STAGES = 12, 1080 with compensate.  busy falls
 -- STAGES + 2 clocks behind valid, when plan_next is there; the next start may come then.
 -- Overflow: saturates and sets saturated; nothing wraps.
 -- Licence: Apache-2.0

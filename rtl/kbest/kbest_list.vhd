@@ -85,7 +85,8 @@ begin
 
   p_compare : process (keys, places, ranks, valid, second, first, planned, key, positions) is
 
-    variable crowded : std_logic;
+    variable crowded  : std_logic;
+    variable distance : unsigned(COST_WIDTH downto 0);
     variable front   : flags_t;
     variable alike   : flags_t;
     variable out_of  : flags_t;
@@ -99,9 +100,9 @@ begin
       alike(i) := '0';
 
       if (valid(i) = '1' and first = '0') then
-        if (planned = '0' and key >= keys(i)) then
-          front(i) := '1';
-        end if;
+        -- a difference, as a comparison costs inverters
+        distance := ('0' & key) - ('0' & keys(i));
+        front(i) := not (planned or distance(COST_WIDTH));
 
         if (positions = places(i)) then
           alike(i) := '1';

@@ -457,6 +457,8 @@ begin
     );
 
   p_run : process (clk) is
+
+    variable addend : signed(SUM_WIDTH - 1 downto 0);
   begin
 
     if rising_edge(clk) then
@@ -603,11 +605,13 @@ begin
       -- product and sum
       product <= a * b;
 
-      if (tags(2).gather = '0') then
-        sum <= adjusted(HALF, resize(product, SUM_WIDTH), not tags(2).minus, tags(2).minus);
-      else
-        sum <= adjusted(sum, resize(product, SUM_WIDTH), not tags(2).minus, tags(2).minus);
+      addend := HALF;
+
+      if (tags(2).gather = '1') then
+        addend := sum;
       end if;
+
+      sum <= adjusted(addend, resize(product, SUM_WIDTH), not tags(2).minus, tags(2).minus);
 
       -- results
       if (tags(3).valid = '1' and (tags(3).to_a = '1' or tags(3).to_b = '1')) then

@@ -126,9 +126,6 @@ package kbest_types is
     ahead : ahead_cost_t; -- share in ahead
   end record prepared_phase_t;
 
-  -- value times -2 to 2
-  function times (value : signed; factor : integer) return signed;
-
   -- change of an error by the voltage of a phase at a position
   function change_of (s : position_t; level : factor_t; on_neutral, on_phase : error_t) return change_t;
 
@@ -184,64 +181,44 @@ package body kbest_types is
 
   end function to_node;
 
-  function times (value : signed; factor : integer) return signed is
-
-    variable wide   : signed(value'length + 1 downto 0);
-    variable result : signed(value'length + 1 downto 0);
-
-  begin
-
-    wide := resize(value, value'length + 2);
-
-    case factor is
-
-      when -2 =>
-        result := -shift_left(wide, 1);
-
-      when -1 =>
-        result := -wide;
-
-      when 1 =>
-        result := wide;
-
-      when 2 =>
-        result := shift_left(wide, 1);
-
-      when others =>
-        result := (others => '0');
-
-    end case;
-
-    return result;
-
-  end function times;
-
   function change_of (s : position_t; level : factor_t; on_neutral, on_phase : error_t) return change_t is
 
-    variable index : natural range 0 to 7;
+    variable index  : natural range 0 to 7;
+    variable scaled : change_t;
+    variable result : change_t;
 
   begin
 
-    index := to_integer(s);
-    return resize(times(level, LEVEL_OF(index)), change_t'length)
-           + resize(times(on_neutral, NEUTRAL_OF(index)), change_t'length)
-           + resize(times(on_phase, CAPACITOR_OF(index)), change_t'length);
+    index  := to_integer(s);
+    scaled := resize(level, change_t'length);
+
+    if (LEVEL_OF(index) = 2 or LEVEL_OF(index) = -2) then
+      scaled := shift_left(scaled, 1);
+    end if;
+
+    result := gated(resize(on_neutral, change_t'length), to_std_logic(NEUTRAL_OF(index) > 0));
+    result := adjusted(result, scaled, to_std_logic(LEVEL_OF(index) > 0), to_std_logic(LEVEL_OF(index) < 0));
+    return adjusted(result, resize(on_phase, change_t'length), to_std_logic(CAPACITOR_OF(index) > 0),
+                    to_std_logic(CAPACITOR_OF(index) < 0));
 
   end function change_of;
 
   function excess (value : voltage_t; bound : unsigned) return factor_t is
 
+    variable size   : signed(VOLTAGE_WIDTH downto 0);
     variable over   : signed(VOLTAGE_WIDTH downto 0);
     variable result : factor_t;
 
   begin
 
-    over   := abs(resize(value, VOLTAGE_WIDTH + 1)) - signed(resize(bound, VOLTAGE_WIDTH + 1));
+    -- without the carry of a magnitude: a negative value counts one less
+    size   := resize(value xor (value'range => value(value'high)), VOLTAGE_WIDTH + 1);
+    over   := size - signed(resize(bound, VOLTAGE_WIDTH + 1));
     result := resize(over(EXCESS_WIDTH downto 0), FACTOR_WIDTH);
 
     if (over(over'high) = '1') then
       result := (others => '0');
-    elsif (over >= 2 ** EXCESS_WIDTH) then
+    elsif (over(VOLTAGE_WIDTH - 1 downto EXCESS_WIDTH) /= 0) then
       result := to_signed(2 ** EXCESS_WIDTH - 1, FACTOR_WIDTH);
     end if;
 
@@ -263,25 +240,27 @@ package body kbest_types is
       wide := shift_left(wide, steps);
     end if;
 
-    wide := shift_right(wide + resize(now, wide'length), low);
+    wide := shift_right(resize(now, wide'length) + wide, low);
     return clip(wide, AHEAD_WIDTH);
 
   end function ahead;
 
   function cost_of (square : unsigned; shift : natural; weight : unsigned; long : std_logic) return wide_cost_t is
 
-    variable wide : unsigned(square'length + 11 downto 0);
+    -- a weight is 2 ** 10 at most, and a long stage doubles it
+    constant MOST : natural := 11;
+
+    variable down : unsigned(3 downto 0);
 
   begin
 
-    -- up by the weight and a long stage, then down
-    wide := shift_left(resize(square, wide'length), to_integer(weight));
+    down := MOST - weight;
 
     if (long = '1') then
-      wide := shift_left(wide, 1);
+      down := MOST - 1 - weight;
     end if;
 
-    return resize(shift_right(wide, shift), wide_cost_t'length);
+    return resize(shift_right(shift_right(square, shift - MOST), to_integer(down)), wide_cost_t'length);
 
   end function cost_of;
 

@@ -133,7 +133,8 @@ class Slow:
             return clip((a + ((a - b) << shift)) >> low, 14) ** 2
 
         def excess(value: int, name: str) -> int:
-            over = min(max(0, abs(value) - self.r[f"bound_{name}"]), 2**13 - 1)
+            size = value if value >= 0 else -1 - value
+            over = min(max(0, size - self.r[f"bound_{name}"]), 2**13 - 1)
             return over**2 >> (15 - self.r[f"weight_{name}"] - n)
 
         u, w, v_n, *d = now

@@ -16,7 +16,7 @@ from directmpc import fixed_point
 from directmpc.compiled import njit
 from directmpc.fixed_point import rounded, saturate
 from directmpc.kbest import formats as f
-from directmpc.kbest.coefficients import registers
+from directmpc.kbest.coefficients import Registers, registers
 from directmpc.kbest.drive import KbestDrive
 from directmpc.kbest.ideal import KEEP, NEIGHBOURS, SAME_POSITION, converter_of
 from directmpc.mpdcc import tables
@@ -39,6 +39,8 @@ SIXTH = round(2**f.FRACTION / 6.0)
 """1/6."""
 EIGHTH = 2**f.FRACTION // 8
 """1/8; the charges take whole multiples of it."""
+
+_TERMS_CLOCKS = 50  # terms of a stage are there so long behind those of the stage before
 
 COST_MOST = 2**f.COST_WIDTH - 1
 
@@ -291,7 +293,7 @@ def voltage_terms(steps, bound, weight, now, before, low):
     cost, ahead : int
         LSB of the cost.
     """
-    over = min(max(0, abs(now) - bound), 2**f.EXCESS_WIDTH - 1)
+    over = min(max(0, (now ^ (now >> 63)) - bound), 2**f.EXCESS_WIDTH - 1)
     cost = (over * over) >> (f.EXCESS_SHIFT - weight - (steps - 1))
     return cost, _ahead(now, before, 3 - steps, f.VOLTAGE_AHEAD_SHIFT) >> low
 
@@ -517,6 +519,26 @@ def decide_words(parameters, words, s_prev, plan, following):
         at = parents[j, at]
     following[stages] = 1 - odd
     return chosen, saturated, candidates, key[0]
+
+
+def most_clocks(found: Registers) -> int:
+    """Most clocks that a decision of the core takes, from start to valid.
+
+    Parameters
+    ----------
+    found : Registers
+        Of the drive.
+
+    Returns
+    -------
+    clocks : int
+        Whatever the measurements are; docs/specification.md, section 10.8.
+    """
+    # to the first node, and from there to the second stage's: terms of two steps take longer
+    first, second = (59, 20) if found.values["short_stages"] > 2 else (66, 33)
+    stage = max(7 + 10 * found.beam, _TERMS_CLOCKS)
+    before = second + 10 if found.values["compensate"] else 0
+    return first + before + second + 10 * found.beam + (found.stages - 2) * stage + 21
 
 
 @njit
