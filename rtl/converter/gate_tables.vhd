@@ -147,18 +147,18 @@ package body gate_tables is
   function last_action (five_level : boolean; origin, goal : std_logic_vector(2 downto 0))
     return unsigned is
 
-    variable edge   : std_logic_vector(5 downto 0);
+    variable moved  : std_logic_vector(5 downto 0);
     variable result : unsigned(2 downto 0);
 
   begin
 
-    edge   := (origin xor goal) & origin;
+    moved  := (origin xor goal) & origin;
     result := "001";
 
     if (five_level) then
       -- the first row that fits is the last to be looked at
       for i in MOVE_LAST'high downto 0 loop
-        if ((edge and MOVE_CARE(i)) = (MOVE_VALUE(i) and MOVE_CARE(i))) then
+        if ((moved and MOVE_CARE(i)) = (MOVE_VALUE(i) and MOVE_CARE(i))) then
           result := to_unsigned(MOVE_LAST(i), 3);
         end if;
       end loop;
@@ -172,14 +172,14 @@ package body gate_tables is
   function action_of (five_level : boolean; origin, goal : std_logic_vector(2 downto 0);
     action : unsigned(2 downto 0)) return std_logic_vector is
 
-    variable edge   : std_logic_vector(5 downto 0);
+    variable moved  : std_logic_vector(5 downto 0);
     variable row    : std_logic_vector(gates_of(five_level) - 1 downto 0);
     variable result : std_logic_vector(gates_of(five_level) - 1 downto 0);
     variable second : std_logic;
 
   begin
 
-    edge   := (origin xor goal) & origin;
+    moved  := (origin xor goal) & origin;
     result := (others => '0');
     second := action(0);
 
@@ -194,7 +194,7 @@ package body gate_tables is
           end if;
         end loop;
 
-        if ((edge and MOVE_CARE(i)) = (MOVE_VALUE(i) and MOVE_CARE(i))) then
+        if ((moved and MOVE_CARE(i)) = (MOVE_VALUE(i) and MOVE_CARE(i))) then
           result := row;
         end if;
       end loop;

@@ -113,7 +113,7 @@ architecture rtl of kbest_children is
   signal tags      : tags_t;
   signal loaded    : std_logic;    -- '1': take what the second register needs
   signal active    : prepared_t;   -- for the second register
-  signal before    : node_t;       -- the node
+  signal former    : node_t;       -- the node
   signal half_1    : std_logic;
   signal place_1   : unsigned(1 downto 0);
   signal phase_1   : natural range 0 to 2;
@@ -350,12 +350,12 @@ begin
       -- 2: its state
       if (loaded = '1') then
         active <= prepared;
-        before <= node;
+        former <= node;
       end if;
 
       tags(2 to LAST) <= tags(1 to LAST - 1);
-      child           := before;
-      s               := to_integer(before.positions(phase_1));
+      child           := former;
+      s               := to_integer(former.positions(phase_1));
       t               := NEIGHBOUR_OF(s, index_1);
 
       rises := to_std_logic(LEVEL_STEP(s, index_1) > 0);
@@ -393,7 +393,7 @@ begin
       places(2)       <= std_logic_vector(child.positions(0)) & std_logic_vector(child.positions(1))
                          & std_logic_vector(child.positions(2));
       tags(2).clipped <= flags;
-      before_2        <= before;
+      before_2        <= former;
       from_2          <= share.d;
       move_2          <= moving_1;
       long_2          <= active.long;

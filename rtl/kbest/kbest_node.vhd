@@ -65,7 +65,7 @@ architecture rtl of kbest_node is
   signal phase     : phase_t;   -- whose voltage is in d
   signal d         : voltage_t; -- v_ph - v_dc/4 in front of the stage
   signal now       : voltage_t; -- behind it
-  signal before    : voltage_t; -- in front of it
+  signal former    : voltage_t; -- in front of it
   signal on_phase  : error_t;
   signal change    : change_t;  -- of the error by the voltage of a phase
   signal base_u    : wide_error_t; -- error with drift and decay
@@ -270,7 +270,7 @@ begin
       wide   := adjusted(resize(d, wide'length), resize(charge, wide'length), to_std_logic(CHARGED_OF(s) > 0),
                          to_std_logic(CHARGED_OF(s) < 0));
       now    <= clip(wide, VOLTAGE_WIDTH);
-      before <= d;
+      former <= d;
       drawn  := found.drawn;
 
       if (steps(0) = '1') then
@@ -317,8 +317,8 @@ begin
       if (steps(0) = '0') then
         a_1 <= resize(excess(now, settings.bound_phase), VOLTAGE_WIDTH);
         b_1 <= excess(now, settings.bound_phase);
-        a_2 <= resize(ahead(now, before, found.long, 2, VOLTAGE_AHEAD_SHIFT), a_2'length);
-        b_2 <= resize(ahead(now, before, found.long, 2, VOLTAGE_AHEAD_SHIFT), b_2'length);
+        a_2 <= resize(ahead(now, former, found.long, 2, VOLTAGE_AHEAD_SHIFT), a_2'length);
+        b_2 <= resize(ahead(now, former, found.long, 2, VOLTAGE_AHEAD_SHIFT), b_2'length);
       end if;
 
       -- results
