@@ -48,7 +48,7 @@ entity fabric_system is
     s_a        : out   std_logic_vector(2 downto 0);  -- switch position of phase a
     s_b        : out   std_logic_vector(2 downto 0);  -- switch position of phase b
     s_c        : out   std_logic_vector(2 downto 0);  -- switch position of phase c
-    faults     : out   std_logic_vector(12 downto 0); -- latched, bits as in gate_tables
+    faults     : out   std_logic_vector(14 downto 0); -- latched, bits as in gate_tables
     pins       : out   std_logic_vector(23 downto 0)  -- gates, '1': on; S1 to S8 of a, b, c
   );
 end entity fabric_system;

@@ -68,7 +68,7 @@ architecture rtl of processor_system is
   signal trip          : std_logic;
   signal system_gates  : std_logic_vector(23 downto 0);
   signal system_valid  : std_logic;
-  signal system_faults : std_logic_vector(12 downto 0);
+  signal system_faults : std_logic_vector(14 downto 0);
   signal axil_arready  : std_logic;
   signal unread        : std_logic; -- a decision waits to be read
 

@@ -384,7 +384,7 @@ begin
         flux_beta      => open,
         gates          => gates_now(3 * gates_of(true) - 1 downto 0),
         running        => running,
-        faults         => faults(12 downto 0),
+        faults         => faults(14 downto 0),
         s_axil_awready => awready,
         s_axil_awvalid => awvalid,
         s_axil_awaddr  => awaddr,
@@ -451,7 +451,7 @@ begin
         speed          => open,
         gates          => gates_now(5 downto 0),
         running        => running,
-        faults         => faults(12 downto 0),
+        faults         => faults(14 downto 0),
         s_axil_awready => awready,
         s_axil_awvalid => awvalid,
         s_axil_awaddr  => awaddr,
@@ -482,7 +482,7 @@ begin
 
   end generate g_mptc;
 
-  faults(15 downto 13) <= (others => '0');
+  faults(15) <= '0';
 
   p_leds : process (core_clock) is
   begin

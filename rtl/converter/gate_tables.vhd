@@ -24,7 +24,7 @@ package gate_tables is
 
   constant TIME_WIDTH  : natural := 12; -- bits of dead and minimum times, clocks
   constant LIMIT_WIDTH : natural := 16; -- bits of decision limit and watchdog, clocks
-  constant FAULT_COUNT : natural := 13; -- kinds of faults
+  constant FAULT_COUNT : natural := 15; -- kinds of faults
 
   constant FAULT_EXTERNAL     : natural := 0; -- external trip
   constant FAULT_OVER_CURRENT : natural := 1; -- phase current beyond its limit
@@ -40,6 +40,8 @@ package gate_tables is
   constant FAULT_NEUTRAL      : natural := 10; -- neutral point beyond its limit
   constant FAULT_SPEED        : natural := 11; -- speed beyond its limit
   constant FAULT_FROZEN       : natural := 12; -- the currents have not changed for too many measurements
+  constant FAULT_UPSET        : natural := 13; -- a setting in force has changed by itself
+  constant FAULT_DRIVER       : natural := 14; -- a gate driver reports a fault, or is not ready
 
   -- gates of one leg
   function gates_of (five_level : boolean) return positive;

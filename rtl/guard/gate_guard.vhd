@@ -17,7 +17,7 @@
 -- Positions taken are those that the gates have, or move to: a move that waits has not begun. They are right while
 -- running, from two clocks after the first decision on.
 -- Latency: gates begin to move two clocks after decided.  Gates at the rails are off one clock (10 ns at 100 MHz) after
--- external_trip, decided for an illegal decision, a lapse of time or enable = '0' is at the ports, and four clocks
+-- external_trip, driver_fault, upset, decided for an illegal decision, a lapse of time or enable = '0' is at the ports, and four clocks
 -- (40 ns at 100 MHz) after measured brings a value beyond its limit.  All gates of ANPC legs are off 3 dead times later
 -- at most, those of two-level legs with the first ones.  All gates are off one clock after rst.
 -- Overflow: none.
@@ -42,6 +42,11 @@ entity gate_guard is
     rst            : in    std_logic;                                              -- synchronous, active high
     enable         : in    std_logic;                                              -- '1': gates may be on
     external_trip  : in    std_logic;                                              -- '1': all gates off; synchronous
+    -- may be left open
+    -- vsg_off port_012
+    driver_fault   : in    std_logic := '0';                                       -- '1': likewise, of a gate driver
+    upset          : in    std_logic := '0';                                       -- '1': likewise, settings are wrong
+    -- vsg_on port_012
     clear          : in    std_logic_vector(FAULT_COUNT - 1 downto 0);             -- '1': forget this fault
     -- measurements
     measured       : in    std_logic;                                              -- '1': they are new in this clock
@@ -93,7 +98,7 @@ architecture rtl of gate_guard is
 
   signal goals    : positions_t;
   signal trips    : std_logic_vector(3 downto 0);
-  signal bands    : std_logic_vector(3 downto 0);
+  signal bands    : std_logic_vector(5 downto 0);
   signal active   : std_logic;
   signal legal    : std_logic_vector(2 downto 0);
   signal blocked  : std_logic_vector(2 downto 0);
@@ -164,6 +169,9 @@ begin
       speed        => bands(2),
       frozen       => bands(3)
     );
+
+  bands(4) <= upset;
+  bands(5) <= driver_fault;
 
   running <= active;
 

@@ -13,8 +13,12 @@
 -- no fault is latched, also before the gates have been off long enough, so that a drive that cannot run
 -- shows its fault.
 --
+-- The times in force have a parity bit.  When an upset has changed one of them, the fault upset follows one clock
+-- later.  Meanwhile they are read anew from the ports, so that the stop has its dead time.
+--
 -- Formats: times in clocks. Dead time below LEAST_DEAD_TIME is raised to it. dead_time, minimum_on and
--- minimum_off are read while off and with all gates off only, decision_limit at start, watchdog at each decision.
+-- minimum_off are read while off and with all gates off only, or after an upset, decision_limit at start, watchdog at
+-- each decision.
 -- Latency: stop, kill and forget are combinational; faults one clock.
 -- Overflow: none; counters stop at their ends.
 -- Considered and rejected: docs/alternatives.md.
@@ -43,7 +47,7 @@ entity gate_supervisor is
     refused        : in    std_logic;                                   -- '1': a leg has refused a pattern
     dark           : in    std_logic;                                   -- '1': all gates are off
     trips          : in    std_logic_vector(3 downto 0);                -- causes of faults 3 to 0, gate_tables
-    bands          : in    std_logic_vector(3 downto 0);                -- causes of faults 12 to 9
+    bands          : in    std_logic_vector(5 downto 0);                -- causes of faults 14 to 9
     checked        : in    std_logic;                                   -- '1': a measurement has been compared
     renew          : in    std_logic;                                   -- '1': settings change after this clock
     clear          : in    std_logic_vector(FAULT_COUNT - 1 downto 0);  -- '1': forget this fault
@@ -88,6 +92,9 @@ architecture rtl of gate_supervisor is
   signal latched   : std_logic_vector(FAULT_COUNT - 1 downto 0);
   signal faulty    : std_logic; -- a fault is latched
   signal rested    : std_logic; -- gates have been off long enough
+  signal parity    : std_logic; -- of dead and rest, as they were read
+  signal differs   : std_logic; -- they have another one
+  signal altered   : std_logic; -- they had, a clock ago
   signal events    : std_logic_vector(FAULT_COUNT - 1 downto 0); -- what would be a fault with enable up
   signal any_event : std_logic;
   signal causes    : std_logic_vector(FAULT_COUNT - 1 downto 0);
@@ -110,6 +117,22 @@ architecture rtl of gate_supervisor is
 
   end function or_of;
 
+  function parity_of (bits : unsigned) return std_logic is
+
+    variable result : std_logic;
+
+  begin
+
+    result := '0';
+
+    for i in bits'range loop
+      result := result xor bits(i);
+    end loop;
+
+    return result;
+
+  end function parity_of;
+
   function larger (a, b : unsigned) return unsigned is
   begin
 
@@ -128,14 +151,17 @@ begin
 
   is_off <= not (armed or active);
   quiet  <= is_off and dark;
+  differs <= parity xor parity_of(dead & rest);
+
   lapsed <= (expected and late) or (starved and not is_off);
 
-  p_events : process (active, is_off, trips, bands, decided, legal, blocked, expected, late, starved) is
+  p_events : process (active, is_off, trips, bands, decided, legal, blocked, expected, late, starved, altered) is
   begin
 
     events                <= (others => '0');
     events(3 downto 0)    <= trips;
-    events(12 downto 9)   <= bands;
+    events(14 downto 9)   <= bands;
+    events(FAULT_UPSET)   <= bands(FAULT_UPSET - 9) or altered;
     events(FAULT_LATE)    <= expected and not decided and late;
     events(FAULT_MISSING) <= starved and not is_off and not decided;
     if (active = '1') then
@@ -146,7 +172,7 @@ begin
   end process p_events;
 
   -- whether there is any of them, told anew from what comes late
-  any_event <= or_of(trips) or or_of(bands) or refused or (lapsed and not decided)
+  any_event <= or_of(trips) or or_of(bands) or altered or refused or (lapsed and not decided)
                or (active and decided and (blocked or not legal));
 
   p_causes : process (events, wanted, refused) is
@@ -198,6 +224,7 @@ begin
   p_state : process (clk) is
 
     variable limited : clocks_t;
+    variable longest : clocks_t;
 
   begin
 
@@ -223,20 +250,23 @@ begin
         expected <= '0';
       end if;
 
-      -- times, as long as nothing depends on them
+      limited := unsigned(dead_time);
+      longest := larger(larger(unsigned(minimum_on), unsigned(minimum_off)), to_unsigned(1, TIME_WIDTH));
+
+      if (limited < LEAST_DEAD_TIME) then
+        limited := to_unsigned(LEAST_DEAD_TIME, TIME_WIDTH);
+      end if;
+
+      -- times, as long as nothing depends on them; what arming has looked at is what stays in force
+      altered <= differs;
+
+      if ((quiet = '1' and rested = '0') or differs = '1') then
+        dead   <= limited;
+        rest   <= longest;
+        parity <= parity_of(limited & longest);
+      end if;
+
       if (quiet = '1') then
-        limited := unsigned(dead_time);
-
-        if (limited < LEAST_DEAD_TIME) then
-          limited := to_unsigned(LEAST_DEAD_TIME, TIME_WIDTH);
-        end if;
-
-        -- what arming has looked at is what stays in force
-        if (rested = '0') then
-          dead <= limited;
-          rest <= larger(larger(unsigned(minimum_on), unsigned(minimum_off)), to_unsigned(1, TIME_WIDTH));
-        end if;
-
         if (off_for /= (off_for'range => '1')) then
           off_for <= off_for + 1;
         end if;
@@ -268,6 +298,8 @@ begin
         off_for  <= (others => '0');
         dead     <= (others => '1');
         rest     <= (others => '1');
+        parity   <= '0'; -- of an even number of ones
+        altered  <= '0';
       end if;
     end if;
 

@@ -55,6 +55,10 @@ entity mpdcc_system is
     rst            : in    std_logic;                     -- synchronous, active high
     enable         : in    std_logic;                     -- '1': gates may be on, if control.enable is set too
     external_trip  : in    std_logic;                     -- '1': all gates off; synchronous to clk
+    -- may be left open
+    -- vsg_off port_012
+    driver_fault   : in    std_logic := '0';              -- '1': likewise; a gate driver has a fault or is not ready
+    -- vsg_on port_012
     start          : in    std_logic;                     -- '1' for one clock: measurements are there, decide
     is_alpha       : in    std_logic_vector(15 downto 0); -- signed, 1/16000 pu
     is_beta        : in    std_logic_vector(15 downto 0); -- signed, 1/16000 pu
@@ -90,7 +94,7 @@ entity mpdcc_system is
     -- gates
     gates          : out   std_logic_vector(3 * gates_of(true) - 1 downto 0); -- '1': on; S1 to S8 of a, b, c
     running        : out   std_logic;                     -- '1': gates follow decisions
-    faults         : out   std_logic_vector(12 downto 0); -- latched, bits as in gate_tables
+    faults         : out   std_logic_vector(14 downto 0); -- latched, bits as in gate_tables
     -- AXI4-Lite, registers as docs/registers.md has them
     s_axil_awready : out   std_logic;                     -- '1': write address taken
     s_axil_awvalid : in    std_logic;                     -- '1': write address there
@@ -333,6 +337,7 @@ begin
       rst                => rst,
       enable             => enable,
       external_trip      => external_trip,
+      driver_fault       => driver_fault,
       start              => start,
       m_awvalid          => s_axil_awvalid,
       m_awready          => s_axil_awready,

@@ -45,6 +45,10 @@ entity mptc_system is
     rst            : in    std_logic;                     -- synchronous, active high
     enable         : in    std_logic;                     -- '1': gates may be on, if control.enable is set too
     external_trip  : in    std_logic;                     -- '1': all gates off; synchronous to clk
+    -- may be left open
+    -- vsg_off port_012
+    driver_fault   : in    std_logic := '0';              -- '1': likewise; a gate driver has a fault or is not ready
+    -- vsg_on port_012
     start          : in    std_logic;                     -- '1' for one clock: measurements are there, decide
     is_alpha       : in    std_logic_vector(15 downto 0); -- signed, current_max/32767
     is_beta        : in    std_logic_vector(15 downto 0); -- signed, current_max/32767
@@ -70,7 +74,7 @@ entity mptc_system is
     -- gates
     gates          : out   std_logic_vector(5 downto 0);  -- '1': on; upper, lower of a, b, c
     running        : out   std_logic;                     -- '1': gates follow decisions
-    faults         : out   std_logic_vector(12 downto 0); -- latched, bits as in gate_tables
+    faults         : out   std_logic_vector(14 downto 0); -- latched, bits as in gate_tables
     -- AXI4-Lite, registers as docs/registers.md has them
     s_axil_awready : out   std_logic;                     -- '1': write address taken
     s_axil_awvalid : in    std_logic;                     -- '1': write address there
@@ -242,6 +246,7 @@ begin
       rst                => rst,
       enable             => enable,
       external_trip      => external_trip,
+      driver_fault       => driver_fault,
       start              => start,
       m_awvalid          => s_axil_awvalid,
       m_awready          => s_axil_awready,

@@ -4,7 +4,9 @@
 -- (write_rules, write_gate), orders decisions and commits (decision_sequencer), counts clocks (decision_monitor) and
 -- drives the gates (gate_guard). It fills all of the shared registers' inputs.
 --
--- The guard's settings are shadows: they are taken over with load, as the parameters are by the system.
+-- The guard's settings are shadows: they are taken over with load, as the parameters are by the system. Those in force
+-- are compared with the registers in every clock. While the guard is enabled no write changes either of them, so a
+-- difference is an upset: the guard's fault upset.
 -- Faults: the guard latches them and the register shows them. What software clears in the register is cleared in the
 -- guard one clock later.
 --
@@ -22,6 +24,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.directmpc_math.to_std_logic;
   use work.directmpc_system_registers_pkg.all;
   use work.anpc5l_leg.converter;
   use work.gate_tables.all;
@@ -37,6 +40,7 @@ entity system_shell is
     rst                : in    std_logic;                     -- synchronous, active high
     enable             : in    std_logic;                     -- '1': gates may be on, if control.enable is set too
     external_trip      : in    std_logic;                     -- '1': all gates off; synchronous to clk
+    driver_fault       : in    std_logic;                     -- '1': likewise, of a gate driver
     start              : in    std_logic;                     -- '1' for one clock: measurements are at the ports
     -- bus writes, from the bus and to the register block
     m_awvalid          : in    std_logic;                     -- '1': address there
@@ -124,6 +128,8 @@ architecture rtl of system_shell is
 
   signal in_force     : guard_registers_out_t; -- settings of the guard
   signal bands_in_force : std_logic_vector(47 downto 0);
+  signal differ       : std_logic;             -- they are not those of the registers
+  signal altered      : std_logic;             -- they have changed by themselves
   signal hold         : std_logic;             -- a write waits
   signal refuse       : std_logic;             -- a write is refused
   signal passed       : std_logic;             -- a write goes to the registers
@@ -157,6 +163,17 @@ architecture rtl of system_shell is
   signal faults_until : faults_t;              -- a clock ago
   signal clear        : faults_t;
   signal set          : faults_t;
+
+  -- every bit of the settings
+  function words_of (s : guard_registers_out_t) return std_logic_vector is
+  begin
+
+    return s.dead_time.clocks.value & s.minimum_on.clocks.value & s.minimum_off.clocks.value
+           & s.decision_limit.clocks.value & s.watchdog.clocks.value
+           & s.current_limit.value.value & s.link_high.value.value & s.link_low.value.value
+           & s.speed_limit.value.value & s.frozen.periods.value;
+
+  end function words_of;
 
 begin
 
@@ -309,6 +326,8 @@ begin
         bands_in_force <= bands;
       end if;
 
+      differ <= to_std_logic(words_of(in_force) /= words_of(settings) or bands_in_force /= bands);
+
       -- enable is refused until the first load
       if (rst = '1') then
         in_force       <= NO_SETTINGS;
@@ -319,6 +338,7 @@ begin
   end process p_settings;
 
   enabled <= enable and written.control.enable.value;
+  altered <= differ and enabled;
 
   i_guard : entity work.gate_guard
     generic map (
@@ -330,6 +350,8 @@ begin
       rst            => rst,
       enable         => enabled,
       external_trip  => external_trip,
+      driver_fault   => driver_fault,
+      upset          => altered,
       clear          => clear,
       measured       => measured,
       is_alpha       => is_alpha,
@@ -383,6 +405,8 @@ begin
   faults_shown(FAULT_NEUTRAL)      <= written.faults.neutral_point.value;
   faults_shown(FAULT_SPEED)        <= written.faults.over_speed.value;
   faults_shown(FAULT_FROZEN)       <= written.faults.frozen.value;
+  faults_shown(FAULT_UPSET)        <= written.faults.upset.value;
+  faults_shown(FAULT_DRIVER)       <= written.faults.driver.value;
 
   clear        <= faults_until and not faults_shown;
   set          <= latched and not clear;
@@ -420,6 +444,7 @@ begin
   shown.status.commutating.next_q    <= not is_resting;
   shown.status.fault.next_q          <= '0' when latched = (latched'range => '0') else '1';
   shown.status.enabled.next_q        <= enabled;
+  shown.status.in_force.next_q       <= not differ;
 
   shown.flags.saturated.hwset          <= decided and saturated;
   shown.flags.deadlock.hwset           <= decided and deadlock;
@@ -442,6 +467,8 @@ begin
   shown.faults.neutral_point.hwset <= set(FAULT_NEUTRAL);
   shown.faults.over_speed.hwset    <= set(FAULT_SPEED);
   shown.faults.frozen.hwset        <= set(FAULT_FROZEN);
+  shown.faults.upset.hwset         <= set(FAULT_UPSET);
+  shown.faults.driver.hwset        <= set(FAULT_DRIVER);
 
   shown.cycles.last.next_q     <= last_cycles;
   shown.cycles.worst.next_q    <= worst_cycles;

@@ -8,7 +8,8 @@
 // Licence: Apache-2.0
 
 module proof (
-  input clk, input rst, input enable, input external_trip, input [12:0] clear,
+  input clk, input rst, input enable, input external_trip, input driver_fault, input upset,
+  input [14:0] clear,
   input measured, input [15:0] is_alpha, input [15:0] is_beta, input [15:0] v_dc,
   input start, input decided, input [2:0] position_a, input [2:0] position_b, input [2:0] position_c,
   input renew, input [11:0] dead_time, input [11:0] minimum_on, input [11:0] minimum_off,
@@ -29,7 +30,8 @@ module proof (
   wire [13:0] violations;
 
   gate_guard_checked i_checked (
-    .clk(clk), .rst(rst), .enable(enable), .external_trip(external_trip), .clear(clear), .measured(measured),
+    .clk(clk), .rst(rst), .enable(enable), .external_trip(external_trip), .driver_fault(driver_fault),
+    .upset(upset), .clear(clear), .measured(measured),
     .is_alpha(is_alpha), .is_beta(is_beta), .v_dc(v_dc), .start(start), .decided(decided),
     .position_a(position_a), .position_b(position_b), .position_c(position_c), .renew(renew),
     .dead_time(dead_time), .minimum_on(minimum_on), .minimum_off(minimum_off),
@@ -72,7 +74,9 @@ module proof (
   (* inside = "i_checked.i_guard.i_supervisor.off_for" *) wire [11:0] off_for;
   (* inside = "i_checked.i_guard.i_supervisor.dead" *) wire [11:0] dead;
   (* inside = "i_checked.i_guard.i_supervisor.rest" *) wire [11:0] rest;
-  (* inside = "i_checked.i_guard.i_supervisor.latched" *) wire [12:0] latched;
+  (* inside = "i_checked.i_guard.i_supervisor.latched" *) wire [14:0] latched;
+  (* inside = "i_checked.i_guard.i_supervisor.parity" *) wire parity;
+  (* inside = "i_checked.i_guard.i_supervisor.altered" *) wire altered;
   (* inside = "i_checked.i_guard.i_supervisor.faulty" *) wire faulty;
   (* inside = "i_checked.i_guard.i_supervisor.i_starved.left" *) wire [15:0] starved_left;
   (* inside = "i_checked.i_guard.i_supervisor.i_starved.done" *) wire starved_done;
@@ -270,6 +274,7 @@ module proof (
   wire fact_faulty = faulty == (latched != 0);
   wire fact_primed = !primed || (fresh && !faulty);
   wire fact_runs = state == OFF || primed;
+  wire fact_parity = parity == ^{dead, rest} && !altered;
   wire fact_dead = dead >= LEAST && rest >= 1;
   wire fact_off = !(state == OFF && was_on) || off_for == 0;
   wire fact_armed = !(state == ARMED && was_on);

@@ -25,6 +25,8 @@ FAULTS: tuple[str, ...] = (
     "neutral_point",
     "over_speed",
     "frozen",
+    "upset",
+    "driver",
 )
 
 TIME_HIGH = 2**12 - 1
@@ -284,7 +286,7 @@ class Inputs:
 
     Attributes
     ----------
-    rst, enable, external_trip, measured, start, decided : int
+    rst, enable, external_trip, driver_fault, upset, measured, start, decided : int
         0 or 1.
     clear : int
         Faults to clear, one bit each in the order of `FAULTS`.
@@ -317,6 +319,8 @@ class Inputs:
     rst: int = 0
     enable: int = 0
     external_trip: int = 0
+    driver_fault: int = 0
+    upset: int = 0
     clear: int = 0
     measured: int = 0
     is_alpha: int = 0
@@ -475,8 +479,8 @@ class GateGuard:
         counts = wanted and not i.renew
         if wanted:
             causes = set(done.found) if done else set()
-            if i.external_trip:
-                causes.add("external_trip")
+            ports = {"external_trip": i.external_trip, "driver": i.driver_fault, "upset": i.upset}
+            causes |= {name for name, up in ports.items() if up}
             late = self.begun is not None and now > self.begun[0] + self.begun[1]
             if late and not i.decided:
                 causes.add("late")

@@ -67,6 +67,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "commutating": (3, 1, False),
                 "fault": (4, 1, False),
                 "enabled": (5, 1, False),
+                "in_force": (6, 1, False),
             },
         ),
         "system.flags": (
@@ -97,6 +98,8 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "neutral_point": (10, 1, False),
                 "over_speed": (11, 1, False),
                 "frozen": (12, 1, False),
+                "upset": (13, 1, False),
+                "driver": (14, 1, False),
             },
         ),
         "system.cycles": (
@@ -823,6 +826,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "commutating": (3, 1, False),
                 "fault": (4, 1, False),
                 "enabled": (5, 1, False),
+                "in_force": (6, 1, False),
             },
         ),
         "system.flags": (
@@ -853,6 +857,8 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "neutral_point": (10, 1, False),
                 "over_speed": (11, 1, False),
                 "frozen": (12, 1, False),
+                "upset": (13, 1, False),
+                "driver": (14, 1, False),
             },
         ),
         "system.cycles": (

@@ -339,6 +339,16 @@ architecture rtl of directmpc_mpdcc_registers is
         load_next : std_logic;
     end record;
 
+    type \directmpc_mpdcc.system.faults.upset_combo_t\ is record
+        next_q : std_logic;
+        load_next : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.system.faults.driver_combo_t\ is record
+        next_q : std_logic;
+        load_next : std_logic;
+    end record;
+
     type \directmpc_mpdcc.system.faults_combo_t\ is record
         external_trip : \directmpc_mpdcc.system.faults.external_trip_combo_t\;
         over_current : \directmpc_mpdcc.system.faults.over_current_combo_t\;
@@ -353,6 +363,8 @@ architecture rtl of directmpc_mpdcc_registers is
         neutral_point : \directmpc_mpdcc.system.faults.neutral_point_combo_t\;
         over_speed : \directmpc_mpdcc.system.faults.over_speed_combo_t\;
         frozen : \directmpc_mpdcc.system.faults.frozen_combo_t\;
+        upset : \directmpc_mpdcc.system.faults.upset_combo_t\;
+        driver : \directmpc_mpdcc.system.faults.driver_combo_t\;
     end record;
 
     type \directmpc_mpdcc.system_combo_t\ is record
@@ -888,6 +900,14 @@ architecture rtl of directmpc_mpdcc_registers is
         value : std_logic;
     end record;
 
+    type \directmpc_mpdcc.system.faults.upset_storage_t\ is record
+        value : std_logic;
+    end record;
+
+    type \directmpc_mpdcc.system.faults.driver_storage_t\ is record
+        value : std_logic;
+    end record;
+
     type \directmpc_mpdcc.system.faults_storage_t\ is record
         external_trip : \directmpc_mpdcc.system.faults.external_trip_storage_t\;
         over_current : \directmpc_mpdcc.system.faults.over_current_storage_t\;
@@ -902,6 +922,8 @@ architecture rtl of directmpc_mpdcc_registers is
         neutral_point : \directmpc_mpdcc.system.faults.neutral_point_storage_t\;
         over_speed : \directmpc_mpdcc.system.faults.over_speed_storage_t\;
         frozen : \directmpc_mpdcc.system.faults.frozen_storage_t\;
+        upset : \directmpc_mpdcc.system.faults.upset_storage_t\;
+        driver : \directmpc_mpdcc.system.faults.driver_storage_t\;
     end record;
 
     type \directmpc_mpdcc.system_storage_t\ is record
@@ -2577,6 +2599,70 @@ begin
     end process;
     hwif_out.system.faults.frozen.value <= field_storage.system.faults.frozen.value;
 
+    -- Field: directmpc_mpdcc.system.faults.upset
+    process(all)
+        variable next_c: std_logic;
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.system.faults.upset.value;
+        load_next_c := '0';
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
+            next_c := field_storage.system.faults.upset.value and not (decoded_wr_data(13) and decoded_wr_biten(13));
+            load_next_c := '1';
+        elsif hwif_in.system.faults.upset.hwset then -- HW Set
+            next_c := '1';
+            load_next_c := '1';
+        end if;
+        field_combo.system.faults.upset.next_q <= next_c;
+        field_combo.system.faults.upset.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.system.faults.upset.value <= '0';
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.system.faults.upset.value <= '0';
+            else
+                if field_combo.system.faults.upset.load_next then
+                    field_storage.system.faults.upset.value <= field_combo.system.faults.upset.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.system.faults.upset.value <= field_storage.system.faults.upset.value;
+
+    -- Field: directmpc_mpdcc.system.faults.driver
+    process(all)
+        variable next_c: std_logic;
+        variable load_next_c: std_logic;
+    begin
+        next_c := field_storage.system.faults.driver.value;
+        load_next_c := '0';
+        if axil_aw_accept and (axil_awaddr(9 downto 2) ?= "00000111") then -- SW write 1 clear
+            next_c := field_storage.system.faults.driver.value and not (decoded_wr_data(14) and decoded_wr_biten(14));
+            load_next_c := '1';
+        elsif hwif_in.system.faults.driver.hwset then -- HW Set
+            next_c := '1';
+            load_next_c := '1';
+        end if;
+        field_combo.system.faults.driver.next_q <= next_c;
+        field_combo.system.faults.driver.load_next <= load_next_c;
+    end process;
+    process(clk) begin
+        if false then -- async reset
+            field_storage.system.faults.driver.value <= '0';
+        elsif rising_edge(clk) then
+            if rst then -- sync reset
+                field_storage.system.faults.driver.value <= '0';
+            else
+                if field_combo.system.faults.driver.load_next then
+                    field_storage.system.faults.driver.value <= field_combo.system.faults.driver.next_q;
+                end if;
+            end if;
+        end if;
+    end process;
+    hwif_out.system.faults.driver.value <= field_storage.system.faults.driver.value;
+
     -- Field: directmpc_mpdcc.guard.dead_time.clocks
     process(all)
         variable next_c: std_logic_vector(11 downto 0);
@@ -3875,6 +3961,7 @@ begin
             readback_data_var(ad_hi(16#14#))(3) := hwif_in.system.status.commutating.next_q;
             readback_data_var(ad_hi(16#14#))(4) := hwif_in.system.status.fault.next_q;
             readback_data_var(ad_hi(16#14#))(5) := hwif_in.system.status.enabled.next_q;
+            readback_data_var(ad_hi(16#14#))(6) := hwif_in.system.status.in_force.next_q;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#18#) then
             readback_data_var(ad_hi(16#18#))(0) := field_storage.system.flags.saturated.value;
@@ -3899,6 +3986,8 @@ begin
             readback_data_var(ad_hi(16#1C#))(10) := field_storage.system.faults.neutral_point.value;
             readback_data_var(ad_hi(16#1C#))(11) := field_storage.system.faults.over_speed.value;
             readback_data_var(ad_hi(16#1C#))(12) := field_storage.system.faults.frozen.value;
+            readback_data_var(ad_hi(16#1C#))(13) := field_storage.system.faults.upset.value;
+            readback_data_var(ad_hi(16#1C#))(14) := field_storage.system.faults.driver.value;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#24#) then
             readback_data_var(ad_hi(16#24#))(15 downto 0) := hwif_in.system.cycles.last.next_q;

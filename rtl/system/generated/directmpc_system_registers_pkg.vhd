@@ -110,6 +110,10 @@ package directmpc_system_registers_pkg is
         next_q : std_logic;
     end record;
 
+    type \system_registers.status.in_force_in_t\ is record
+        next_q : std_logic;
+    end record;
+
     type \system_registers.status_in_t\ is record
         busy : \system_registers.status.busy_in_t\;
         commit_pending : \system_registers.status.commit_pending_in_t\;
@@ -117,6 +121,7 @@ package directmpc_system_registers_pkg is
         commutating : \system_registers.status.commutating_in_t\;
         fault : \system_registers.status.fault_in_t\;
         enabled : \system_registers.status.enabled_in_t\;
+        in_force : \system_registers.status.in_force_in_t\;
     end record;
 
     type \system_registers.flags.saturated_in_t\ is record
@@ -209,6 +214,14 @@ package directmpc_system_registers_pkg is
         hwset : std_logic;
     end record;
 
+    type \system_registers.faults.upset_in_t\ is record
+        hwset : std_logic;
+    end record;
+
+    type \system_registers.faults.driver_in_t\ is record
+        hwset : std_logic;
+    end record;
+
     type \system_registers.faults_in_t\ is record
         external_trip : \system_registers.faults.external_trip_in_t\;
         over_current : \system_registers.faults.over_current_in_t\;
@@ -223,6 +236,8 @@ package directmpc_system_registers_pkg is
         neutral_point : \system_registers.faults.neutral_point_in_t\;
         over_speed : \system_registers.faults.over_speed_in_t\;
         frozen : \system_registers.faults.frozen_in_t\;
+        upset : \system_registers.faults.upset_in_t\;
+        driver : \system_registers.faults.driver_in_t\;
     end record;
 
     type \system_registers.cycles.last_in_t\ is record
@@ -414,6 +429,14 @@ package directmpc_system_registers_pkg is
         value : std_logic;
     end record;
 
+    type \system_registers.faults.upset_out_t\ is record
+        value : std_logic;
+    end record;
+
+    type \system_registers.faults.driver_out_t\ is record
+        value : std_logic;
+    end record;
+
     type \system_registers.faults_out_t\ is record
         external_trip : \system_registers.faults.external_trip_out_t\;
         over_current : \system_registers.faults.over_current_out_t\;
@@ -428,6 +451,8 @@ package directmpc_system_registers_pkg is
         neutral_point : \system_registers.faults.neutral_point_out_t\;
         over_speed : \system_registers.faults.over_speed_out_t\;
         frozen : \system_registers.faults.frozen_out_t\;
+        upset : \system_registers.faults.upset_out_t\;
+        driver : \system_registers.faults.driver_out_t\;
     end record;
 
     type system_registers_out_t is record

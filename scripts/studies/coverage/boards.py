@@ -32,7 +32,7 @@ STEPS, MANY = 12, 130
 #: Bits of system.control.
 OBSERVER, OWN_POSITIONS = 4, 8
 #: Every bit of system.faults, and of a limit of the guard.
-ALL_FAULTS, LONGEST = 0x1FFF, 0xFFFF
+ALL_FAULTS, LONGEST = 0x7FFF, 0xFFFF
 
 
 class Lines:
@@ -130,7 +130,7 @@ class Lines:
         self.script.wait(pause)
         self.request(p.Type.READ, struct.pack("<H", self.registers["system.faults"][0]))
         self.write("system.control", 0)
-        for bit in range(13):
+        for bit in range(15):
             self.write("system.faults", 1 << bit)
 
     def faults(self, rows: list[list[int]]) -> None:

@@ -117,7 +117,7 @@ class Hostile:
         self.write("guard.watchdog", 0xFFFF)
         self.write("guard.frozen", 0)  # the measurements stay as they are
         self.write("system.command", 1)
-        self.write("system.faults", 0x1FFF)
+        self.write("system.faults", 0x7FFF)
         self.write("system.control", 1)
         decision = None
         position = 0

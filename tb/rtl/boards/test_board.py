@@ -683,7 +683,7 @@ def test_a_commit_that_waits_for_a_long_decision_stops_no_disable() -> None:
                 board.request(Type.WRITE, struct.pack("<HI", known[port][0], word & 0xFFFF))
 
         measured()
-        board.write("system.faults", 0x1FFF)
+        board.write("system.faults", 0x7FFF)
         board.write("system.control", 0b0011)  # enable, measurements from the registers
         for _ in range(2):  # those were measured before
             board.write("system.command", 0b0010)

@@ -919,7 +919,7 @@ async def locks(system: System) -> None:
             board.check("not busy", await timed(bus.write_word(control, 0)), OKAY)
             board.check("disabled", number(dut.i_shell.enabled), 0)
         elif access == 2:
-            board.check("not busy", await timed(bus.write_word(faults_at, 0x1FFF)), OKAY)
+            board.check("not busy", await timed(bus.write_word(faults_at, 0x7FFF)), OKAY)
         else:
             response = await timed(bus.write_word(control, enable_word))
             board.check("busy", response, SLVERR)

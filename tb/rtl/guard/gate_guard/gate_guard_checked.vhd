@@ -45,7 +45,9 @@ entity gate_guard_checked is
     rst            : in    std_logic;                     -- synchronous, active high; first clock
     enable         : in    std_logic;                     -- this and all that follows as gate_guard's
     external_trip  : in    std_logic;                     -- '1': all gates off
-    clear          : in    std_logic_vector(12 downto 0); -- '1': forget this fault
+    driver_fault   : in    std_logic;                     -- '1': all gates off
+    upset          : in    std_logic;                     -- '1': all gates off
+    clear          : in    std_logic_vector(14 downto 0); -- '1': forget this fault
     measured       : in    std_logic;                     -- '1': new measurements
     is_alpha       : in    std_logic_vector(15 downto 0); -- signed
     is_beta        : in    std_logic_vector(15 downto 0); -- signed
@@ -76,7 +78,7 @@ entity gate_guard_checked is
     frozen_limit   : in    std_logic_vector(7 downto 0);  -- unsigned
     gates          : out   std_logic_vector(23 downto 0); -- '1': on
     running        : out   std_logic;                     -- '1': gates follow decisions
-    faults         : out   std_logic_vector(12 downto 0); -- latched
+    faults         : out   std_logic_vector(14 downto 0); -- latched
     goals          : out   std_logic_vector(8 downto 0);  -- positions accepted last, for a stimulus
     violations     : out   std_logic_vector(13 downto 0)  -- '1': a property does not hold
   );
@@ -93,7 +95,7 @@ architecture rtl of gate_guard_checked is
 
   signal g       : std_logic_vector(COUNT - 1 downto 0);
   signal now_on  : std_logic;
-  signal latched : std_logic_vector(12 downto 0);
+  signal latched : std_logic_vector(14 downto 0);
   signal known   : std_logic := '0'; -- there has been a reset
   signal earlier : std_logic_vector(COUNT - 1 downto 0);
   signal was_on  : std_logic;
@@ -288,6 +290,8 @@ begin
       rst            => rst,
       enable         => enable,
       external_trip  => external_trip,
+      driver_fault   => driver_fault,
+      upset          => upset,
       clear          => clear,
       measured       => measured,
       is_alpha       => is_alpha,
@@ -378,7 +382,7 @@ begin
         since <= since + 1;
       end if;
 
-      must_stop <= rst or external_trip or not enable or beyond(2) or astray(2);
+      must_stop <= rst or external_trip or driver_fault or upset or not enable or beyond(2) or astray(2);
       limits    <= current_limit & link_high & link_low;
       vetted    <= vetted and enable and not renew;
       beyond    <= beyond(1 downto 0) & '0';

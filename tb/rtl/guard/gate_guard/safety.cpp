@@ -44,7 +44,7 @@ int main(int argc, char** argv) {
   const bool five = atoi(argv[3]);
   Vcore* m = new Vcore;
   long running = 0, moves = 0, decisions = 0, resets = 0, trips = 0, writes = 0, starts = 0;
-  long by_fault[13] = {0};
+  long by_fault[15] = {0};
   int phase = 0, period = 40;
   bool due = false;  // the positions at the ports are a decision's of the next clock
   bool wild = false;
@@ -66,7 +66,7 @@ int main(int argc, char** argv) {
   m->v_ph_a = m->v_ph_b = m->v_ph_c = 16000;
   for (long n = 0; n < clocks; n++) {
     m->rst = n < 2;
-    m->external_trip = m->measured = m->start = m->decided = m->renew = 0;
+    m->external_trip = m->driver_fault = m->upset = m->measured = m->start = m->decided = m->renew = 0;
     m->clear = 0;
     if (n % 700 == 0) {
       wild = chance(0.15);
@@ -76,7 +76,7 @@ int main(int argc, char** argv) {
     if (chance(0.0005)) m->rst = 1;
     resets += m->rst;
     if (m->faults && chance(0.3)) {
-      m->clear = chance(0.5) ? 0x1FFF : word() & 0x1FFF;
+      m->clear = chance(0.5) ? 0x7FFF : word() & 0x7FFF;
       m->enable = word() & 1;
     } else if (!m->running && chance(m->enable ? 0.01 : 0.3)) {
       m->enable = !m->enable;
@@ -107,6 +107,8 @@ int main(int argc, char** argv) {
       if (chance(0.02)) m->v_dc = word() & 0xFFFF;
     }
     if (chance(0.0005)) { m->external_trip = 1; trips++; }
+    if (chance(0.0001)) m->driver_fault = 1;
+    if (chance(0.0001)) m->upset = 1;
     if (wild && chance(0.02)) m->start = 1;
     uint32_t goal[3];
     m->decided = due;
@@ -134,14 +136,14 @@ int main(int argc, char** argv) {
     running += m->running;
     moves += m->gates != last_gates;
     starts += m->running && !last_running;
-    for (int f = 0; f < 13; f++) by_fault[f] += (m->faults & ~last_faults) >> f & 1;
+    for (int f = 0; f < 15; f++) by_fault[f] += (m->faults & ~last_faults) >> f & 1;
     last_gates = m->gates;
     last_faults = m->faults;
     last_running = m->running;
   }
   printf("clocks=%ld running=%ld moves=%ld starts=%ld decisions=%ld resets=%ld trips=%ld writes=%ld",
          clocks, running, moves, starts, decisions, resets, trips, writes);
-  for (int f = 0; f < 13; f++) printf(" fault%d=%ld", f, by_fault[f]);
+  for (int f = 0; f < 15; f++) printf(" fault%d=%ld", f, by_fault[f]);
   printf("\n");
   m->final();
   delete m;

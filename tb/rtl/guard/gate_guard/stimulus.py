@@ -78,7 +78,8 @@ def life(
     still = 0  # measurements for which the currents stand still
     limit, high = i.current_limit, i.link_high  # after the renew that announces them
     for n in range(clocks):
-        i = replace(i, rst=0, external_trip=0, clear=0, measured=0, start=0, decided=0, renew=0)
+        i = replace(i, rst=0, clear=0, measured=0, start=0, decided=0, renew=0)
+        i.external_trip = i.driver_fault = i.upset = 0
         i.current_limit, i.link_high = limit, high
         if wild and rng.random() < 0.005:
             high = rng.choice([word(rng, 16, signed=False), 65_534, 65_535])
@@ -96,7 +97,7 @@ def life(
             i.rst = 1
         # a fault is cleared, enable goes down and up again, soon
         if guard.faults and rng.random() < 0.3:
-            i.clear = rng.choice([guard.fault_bits, 0x1FFF, rng.getrandbits(13)])
+            i.clear = rng.choice([guard.fault_bits, 0x7FFF, rng.getrandbits(15)])
             i.enable = rng.getrandbits(1)
         # it has to stay up until a measurement has been compared
         if not guard.faults and not guard.running and rng.random() < (0.01 if i.enable else 0.3):
@@ -136,7 +137,7 @@ def life(
         else:
             i.position_a, i.position_b, i.position_c = (rng.randrange(8) for _ in range(3))
         if rng.random() < 0.0005:
-            i.external_trip = 1
+            setattr(i, rng.choice(["external_trip", "driver_fault", "upset"]), 1)
         between = phase < 4 and not guard.running
         if (limit, high) != (i.current_limit, i.link_high) or rng.random() < 0.05 * between + 0.001:
             i.renew = 1

@@ -34,7 +34,7 @@ def bench(
         "tb.rtl.guard.gate_guard.bench_gate_guard",
         units=["gate_guard"],
         generics={"FIVE_LEVEL": "true" if five_level else "false", "LEAST_DEAD_TIME": 2},
-        arguments={"seed": 13, "clocks": clocks, "all": every, "converter": converter},
+        arguments={"seed": 15, "clocks": clocks, "all": every, "converter": converter},
         rtl=rtl,
     )
 

@@ -28,7 +28,7 @@ def test_no_property_is_violated(five_level: bool) -> None:
     assert found["running"] > CLOCKS // 4
     assert found["moves"] > CLOCKS // 40
     assert min(found[name] for name in ("starts", "resets", "trips", "writes")) > 500
-    kinds = [n for n in range(13) if n != 8 and (five_level or n not in (4, 9, 10))]
+    kinds = [n for n in range(15) if n != 8 and (five_level or n not in (4, 9, 10))]
     assert min(found[f"fault{n}"] for n in kinds) > 50
     assert found["fault8"] == 0  # the interlock's own
 

@@ -4,7 +4,8 @@ Sweep: ANPC and two-level legs; every flip-flop.
 Stimulus: a drive that runs and trips; each flip-flop turned over in two clocks of it.
 Checks: no flip gives a shorted pattern for longer than one clock; every outcome is met; a campaign
 that was stopped goes on, one with another netlist begins again.
-Faults: an interlock that does not look behind the output registers, a guard that does not trip.
+Faults: an interlock that does not look behind the output registers, times without their parity, a
+guard that does not trip.
 Does not prove: flips in other clocks, or of two flip-flops; `make upsets` has more.
 """
 
@@ -27,20 +28,23 @@ from tb.helpers.faults import altered
 CASES = {name: case for name, case in upsets.CASES.items() if case.entity == "gate_guard"}
 
 
-def _found(name: str, rtl: Path = RTL) -> list[upsets.Outcome]:
+def _found(name: str, rtl: Path = RTL) -> tuple[upsets.Netlist, list[upsets.Outcome]]:
     with upsets.built(CASES[name], rtl) as (netlist, flips):
         found = flips(2, 1, 0, len(netlist.names) - 1)
         assert len(found) == 2 * len(netlist.names)
         assert {upsets.part_of(CASES[name], one) for one in netlist.names} == set(CASES[name].parts)
-    return found
+    return netlist, found
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_no_upset_shorts_for_longer_than_a_clock(name: str) -> None:
-    found = _found(name)
+    netlist, found = _found(name)
     assert max(one.shorted for one in found) == 1  # an output register, for one clock
     kinds = Counter(one.kind for one in found)
     assert kinds["shorted"] == 0
+    # its times have a parity bit: a stop is as long as it should be
+    late = {netlist.names[one.flip_flop] for one in found if one.kind == "late"}
+    assert "supervisor" not in {upsets.part_of(CASES[name], one) for one in late}, late
     for kind in ("nothing", "fault", "wrong"):
         assert kinds[kind] >= 50, kind
 
@@ -49,8 +53,14 @@ def test_an_interlock_before_the_output_registers_alone_is_found(tmp_path: Path)
     rtl = altered(
         tmp_path, "gate_leg", "upset   <= is_forbidden(FIVE_LEVEL, driven);", "upset   <= '0';"
     )
-    found = _found("gate guard, two-level", rtl)
+    _, found = _found("gate guard, two-level", rtl)
     assert sum(one.kind == "shorted" for one in found) >= 3
+
+
+def test_times_without_parity_are_found(tmp_path: Path) -> None:
+    rtl = altered(tmp_path, "gate_supervisor", "parity xor parity_of(dead & rest);", "'0';")
+    netlist, found = _found("gate guard, ANPC", rtl)
+    assert any("dead" in netlist.names[one.flip_flop] for one in found if one.kind == "late")
 
 
 def test_a_guard_that_does_not_trip_is_no_base(tmp_path: Path) -> None:

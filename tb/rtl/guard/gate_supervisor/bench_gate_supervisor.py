@@ -136,7 +136,7 @@ def life(rng: random.Random, guard: Supervisor, clocks: int) -> Iterator[dict[st
             enable = int(rng.random() < 0.3)
         elif rng.random() < (rare if guard.primed else 0.3):
             enable = 0
-        clear = rng.choice([guard.faults, 0x1FFF, rng.getrandbits(13)]) if rng.random() < 0.2 else 0
+        clear = rng.choice([guard.faults, 0x7FFF, rng.getrandbits(15)]) if rng.random() < 0.2 else 0
         yield {
             "rst": int(n < 2 or rng.random() < rare / 2),
             "enable": enable,
@@ -147,7 +147,7 @@ def life(rng: random.Random, guard: Supervisor, clocks: int) -> Iterator[dict[st
             "refused": int(rng.random() < trip),
             "dark": int(dark),
             "trips": sum((rng.random() < trip) << k for k in range(4)),
-            "bands": sum((rng.random() < trip) << k for k in range(4)),
+            "bands": sum((rng.random() < trip) << k for k in range(6)),
             "checked": int(rng.random() < 0.2),
             "renew": int(rng.random() < 0.03),
             "clear": clear,

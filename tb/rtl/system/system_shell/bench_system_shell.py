@@ -241,6 +241,58 @@ async def old(system: System) -> None:
     await anew()
 
 
+async def upset(system: System) -> None:
+    """A setting in force that changes by itself, and a gate driver's fault, stop the drive."""
+    bus, board, rng, dut = system.bus, system.board, system.rng, system.dut
+    every = dict.fromkeys(bus.registers["system.faults"][1], 1)
+
+    async def found() -> list[str]:
+        return [name for name in every if await bus.read("system.faults", name)]
+
+    async def runs() -> None:
+        await bus.write("system.control", enable=0)
+        dut.driver_fault.value = 0
+        await settings(system)
+        await bus.write("system.faults", **every)
+        await bus.write("system.control", enable=1, own_positions=1)
+        for _ in range(4):
+            # gates have been off for their times by then
+            for _ in range(80):
+                await FallingEdge(dut.clk)
+            await system.decide(near(system, rng))
+        for _ in range(20):
+            await FallingEdge(dut.clk)
+        context = f"faults {number(dut.faults):x}, live {dut.i_shell.live.value}"
+        board.check("runs", number(dut.running), 1, context)
+        board.check("settings", await bus.read("system.status", "in_force"), 1)
+
+    for bit in rng.sample(range(48), 4):
+        await runs()
+        word = dut.i_shell.bands_in_force
+        right = number(word)
+        word.value = right ^ 1 << bit
+        for _ in range(4):
+            await FallingEdge(dut.clk)
+        board.check("stopped", number(dut.running), 0, f"bit {bit}")
+        board.check("upset", await found(), ["upset"], f"bit {bit}")
+        board.check("settings", await bus.read("system.status", "in_force"), 0)
+        # it does not go away by itself
+        await bus.write("system.control", enable=0)
+        await bus.write("system.faults", **every)
+        await bus.write("system.control", enable=1, own_positions=1)
+        board.check("again", await found(), ["upset"], f"bit {bit}")
+        word.value = right
+    await runs()
+    dut.driver_fault.value = 1
+    for _ in range(2):
+        await FallingEdge(dut.clk)
+    board.check("stopped", number(dut.running), 0)
+    board.check("driver", await found(), ["driver"])
+    await bus.write("system.control", enable=0)
+    dut.driver_fault.value = 0
+    await bus.write("system.faults", **every)
+
+
 @cocotb.test()
 async def system_shell(dut) -> None:
     """The shell of either system."""
@@ -262,5 +314,12 @@ async def system_shell(dut) -> None:
     await old(system)
     await bus_source(system)
     await late(system)
-    least = {"copied": 10, "not in force": 8, "in force": 8, "enable": 8, "faults": 36}
+    await upset(system)
+    least = {"upset": 4, "again": 4, "driver": 1, "runs": 5} | {
+        "copied": 10,
+        "not in force": 8,
+        "in force": 8,
+        "enable": 8,
+        "faults": 36,
+    }
     system.board.finish(least | OLD, {"while copied": 10, "commands alone": 2})

@@ -3,10 +3,11 @@
 Stimulus: decisions with each combination of flags, cleared at once; commutations of 240 clocks; a
 shadow written in any clock of a copy; an enable while the commit of a setting waits for a decision;
 limits of a decision above and below its clocks; measurements in registers from before an enable,
-not all of them, and starts without any.
+not all of them, and starts without any; bits of settings in force turned over; a driver's fault.
 Checks: flags tell of a decision and stay cleared; the status tells of a commutation while it lasts;
 a shadow is refused until all are copied; no enable with settings that are not in force; the fault
-of a late decision, and no other; old measurements turn no gate on, and starts alone keep none on.
+of a late decision, and no other; old measurements turn no gate on, and starts alone keep none on;
+an upset and a driver's fault stop the drive, and the status tells whether settings are in force.
 Timing: what the registers show is looked at 20 clocks behind a decision.
 Does not prove: what test_system has.
 """
@@ -40,7 +41,7 @@ def test_flags_and_commutations_are_told() -> None:
 def test_commits_wait_and_late_decisions_are_told() -> None:
     found = bench("mpdcc")
     assert found.checks["not in force"] == 8
-    assert found.checks["faults"] == 52
+    assert found.checks["faults"] == 60
 
 
 FAULTS = {
@@ -56,6 +57,11 @@ FAULTS = {
         Fault("system_shell", "and fresh;\n  applied", ";\n  applied", "(before|missing):"),
     ),
     "told": ("mptc", Fault("system_shell", "<= begun and live and not fresh;", "<= '0';", "bef")),
+    "upset": ("mpdcc", Fault("system_shell", " or bands_in_force /= bands", "", "stopped")),
+    "driver": (
+        "mpdcc",
+        Fault("system_shell", "=> driver_fault,", "=> '0',", "stopped"),
+    ),
     "start": (
         "mpdcc",
         Fault("system_shell", "start          => measured,\n      decided",
