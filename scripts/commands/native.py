@@ -68,7 +68,7 @@ def _rates(drive: Drive | MptcDrive) -> list[float]:
     """Decisions a second of `simulate`, of `RtlController.decide`, and of the FMU in FMPy."""
     import fmpy  # of the tests alone
 
-    native.write(["mptc_core" if isinstance(drive, MptcDrive) else "mpdcc_core", system_of(drive)])
+    native.write([f"{drive.controller}_core", system_of(drive)])
     core = _Recorder(drive)
     simulate(drive, core, steps=COUNT)
     states = core.states[:COUNT]

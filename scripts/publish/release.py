@@ -9,6 +9,7 @@ the same tools: archives hold the time of the commit, sorted names and no owner.
 
 from __future__ import annotations
 
+import contextlib
 import gzip
 import hashlib
 import importlib.util
@@ -28,7 +29,6 @@ from directmpc import Drive, MptcDrive, load_drive, shipped_drives
 from directmpc.fmu import write_controller, write_plant
 from directmpc.fmu.archive import VERSIONS
 from directmpc.fmu.variables import system_of
-from directmpc.mpdcc import tables
 from directmpc.native.library import VERILOG
 from scripts.hdl import native
 from scripts.hdl.boards import BOARDS, Board
@@ -203,8 +203,8 @@ def fmu_drives() -> dict[str, Drive | MptcDrive]:
     found = {}
     for name in shipped_drives():
         drive = load_drive(name)
-        own = isinstance(drive, Drive) and drive.inverter.topology == tables.DEFAULT
-        if own or isinstance(drive, MptcDrive):
+        with contextlib.suppress(ValueError):
+            system_of(drive)
             found[name] = drive
     return found
 

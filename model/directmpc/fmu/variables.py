@@ -59,10 +59,9 @@ def system_of(drive: Any) -> str:
     """
     if drive.controller not in SYSTEMS:
         raise ValueError(f"controller: {drive.controller} has no FMU; {', '.join(SYSTEMS)} have")
-    if isinstance(drive, FiveLevelDrive):
+    if drive.controller == "mpdcc":
         only_default(drive)
-    sequences = isinstance(drive, MptcDrive) and drive.control.sequences
-    return FAMILY if sequences else SYSTEMS[drive.controller]
+    return FAMILY if getattr(drive.control, "sequences", False) else SYSTEMS[drive.controller]
 
 
 @dataclass(frozen=True)
