@@ -404,15 +404,6 @@ def _adapt(estimators, adapt, parameters, k, x, vdc, omega_r, before):
     estimators.theta[k] = word
 
 
-@njit
-def _switch(switches, state, before, applied, omega_r, vdc):
-    """Let the inverter apply positions for a period."""
-    if switches.dead_time:
-        switched_step(switches.dead, switches.rest, state, before, applied, omega_r, vdc)
-    else:
-        plant_step(switches.plant, state, applied, omega_r, vdc)
-
-
 def _steps(
     decide, parameters, wish, wishing, ask, outer, adapt, estimators, sensed, filters, first_row,
     timing, switches, profile, state, applied, out,
@@ -422,16 +413,19 @@ def _steps(
     It is sense, estimate, ask, decide, delay, switch and load.
     """
     omega_s, omega_r, vdc, iref = profile
+    # taken apart here: a field that is read in the loop costs a count of references in each step
+    plant, dead, rest, dead_time = switches
+    states, positions, shown, seen, told, wanted, found, wished = out
     x, reference = np.empty(8), np.empty(2)
     decided = applied.copy()
     for k in range(len(vdc)):
-        out.states[k] = state
-        before = out.positions[k] + first_row
+        states[k] = state
+        before = positions[k] + first_row
         if timing.delay:
             # What was decided a step ago takes effect now; what is decided now, a step later.
             applied[:] = decided
         _sense(sensed, filters, estimators, k, state, vdc[k], omega_r[k], before, x)
-        out.shown[k] = x
+        shown[k] = x
         ask(outer, k, x, state)
         if estimators.use_leakage:
             _adapt(estimators, adapt, parameters, k, x, vdc[k], omega_r[k], before)
@@ -440,20 +434,23 @@ def _steps(
             ideal.advance(timing.predictor, x, applied, omega_r[k], vdc[k])
             turned = iref[k] * cmath.exp(1j * omega_s[k] * timing.predictor.ts)
             reference[0], reference[1] = turned.real, turned.imag
-        out.seen[k] = x
-        out.before[k] = applied
-        out.reference[k] = reference
+        seen[k] = x
+        told[k] = applied
+        wanted[k] = reference
         d = decide(parameters, x[:4], x[4:], vdc[k], reference, omega_s[k], omega_r[k], applied)
         e = wish(wishing, x[:4], x[4:], vdc[k], reference, omega_s[k], omega_r[k], applied)
         for column in range(7):
-            out.decided[k, column] = d[column]
-            out.wished[k, column] = e[column]
+            found[k, column] = d[column]
+            wished[k, column] = e[column]
         decided[0], decided[1], decided[2] = d[0], d[1], d[2]
         if not timing.delay:
             applied[:] = decided
-        out.positions[k + 1] = applied
-        _switch(switches, state, out.positions[k], applied, omega_r[k], vdc[k])
-    out.states[len(vdc)] = state
+        positions[k + 1] = applied
+        if dead_time:
+            switched_step(dead, rest, state, positions[k], applied, omega_r[k], vdc[k])
+        else:
+            plant_step(plant, state, applied, omega_r[k], vdc[k])
+    states[len(vdc)] = state
 
 
 _loop = njit(kept=False)(_steps)
