@@ -13,8 +13,6 @@ from directmpc.api.drive_file import load_core_drive
 from directmpc.host.board import SPI
 from directmpc.host.console import terminable
 from directmpc.mpdcc import tables
-from directmpc.mpdcc.drive import Drive
-from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import virtual_board
 from scripts.hdl.boards import BOARDS, BUILDS
 from scripts.shared import progress
@@ -68,9 +66,9 @@ def _run(given: argparse.Namespace) -> int | None:
         if given.controller not in (None, drive.controller):
             raise UsageError(f"{given.drive} is for {drive.controller}")
         controller = drive.controller
-        if isinstance(drive, Drive):
+        if controller == "mpdcc":
             topology = drive.inverter.topology
-        family = family or (isinstance(drive, MptcDrive) and drive.control.sequences)
+        family = family or getattr(drive.control, "sequences", False)
     if controller != "mptc" and (family or given.sensorless):
         raise UsageError("--family and --sensorless are for --controller mptc")
     if given.board and given.folded:

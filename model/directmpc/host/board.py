@@ -621,7 +621,7 @@ class Board:
             raise LinkError(f"the drive file is for {controller}, the board has {self.controller}")
 
     def _check_converter(self, drive: Drive | MptcDrive) -> None:
-        if isinstance(drive, Drive):
+        if drive.controller == "mpdcc":
             number = self.read("system.gates")["converter"]
             built = NAMES[number] if number < len(NAMES) else f"number {number}"
             if drive.inverter.topology != built:
