@@ -160,6 +160,7 @@ class Live(threading.Thread):
         formats = measurement_formats(drive) if isinstance(drive, MptcDrive) else MEASUREMENTS
         self._formats = list(formats.items())
         self._course = GateCourse(drive)
+        self._later: list[tuple[float, int]] = []
         self._forget()
         self._loaded: dict[str, int] = {}
         # compiled before a watchdog runs
@@ -498,4 +499,9 @@ class Live(threading.Thread):
         """Changes of the gates that follow from the last row, or from a stop behind it."""
         positions = positions_of(self.record.signals, row) if row else [0, 0, 0]
         number = self.record.total - (row is not None)
-        self.record.add_edges(self._course.step(number, positions, running))
+        came = self._course.step(number, positions, running)
+        if row is None:  # what waited for the next step reaches no gate
+            self._later = []
+        elif self._course.delay:
+            came, self._later = self._later, came
+        self.record.add_edges(came)

@@ -148,14 +148,15 @@ class GateCourse:
     ----------
     word : int
         The gates after the last edge, one bit each.
+    delay : int
+        Steps after which a decision reaches the gates: 0 or 1.
     """
 
     def __init__(self, drive: AnyDrive) -> None:
         self._leg = LEGS[False] if isinstance(drive, MptcDrive) else drive.converter
         self._width = max(max(gates) for gates in self._leg.gates)
         self._dead, self._ts = drive.guard.dead_time or 0.0, float(drive.control.ts)
-        # steps after which a decision reaches the gates
-        self._delay = int(getattr(drive.control, "delay_compensation", True))
+        self.delay = int(getattr(drive.control, "delay_compensation", True))
         self._at: list[int | None] = [None] * 3
         self.word = 0
 
@@ -176,7 +177,7 @@ class GateCourse:
         list of (float, int)
             Times in s and gates.
         """
-        time = (row + self._delay * running) * self._ts
+        time = (row + self.delay * running) * self._ts
         changes: list[tuple[float, int, bool]] = []
         for n, goal in enumerate(positions):
             before, self._at[n] = self._at[n], goal if running else None
