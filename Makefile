@@ -40,7 +40,7 @@ CONTROLLER ?= mpdcc
 export DRIVE IN OUT ENGINE EXPLORERS VARIANT TOP BOARD CONTROLLER
 
 .PHONY: field-bench field-score help setup run test test-all lint format replay registers synth budgets check pnr sweep prove mutate report fidelity \
-  cluster sources generate virtual-board bitstream native netlist layers robustness torture upsets coverage fuzz site release clean
+  cluster sources generate virtual-board bitstream native netlist layers robustness torture upsets coverage fuzz site release lock clean
 
 help: ## this list
 	@echo 'directmpc: direct predictive control of drives in VHDL'
@@ -53,18 +53,18 @@ help: ## this list
 	@echo '  make pnr [SEEDS=5] [ARGS=--help]'
 	@echo '  make bitstream BOARD=ulx3s-85f [CONTROLLER=mpdcc|mptc|family]'
 
-$(READY): $(ROOT)/requirements.txt $(ROOT)/requirements-proofs.txt $(ROOT)/scripts/setup.sh
+$(READY): $(ROOT)/locks/requirements.txt $(ROOT)/locks/requirements-proofs.txt $(ROOT)/scripts/setup.sh
 	@'$(ROOT)/scripts/setup.sh' >&2
 
 # Only the site needs them, so that the other commands install less.
-$(SITE_READY): $(ROOT)/requirements-site.txt $(READY)
+$(SITE_READY): $(ROOT)/locks/requirements-site.txt $(READY)
 	@echo 'setup: installing the Python packages of requirements-site.txt into .venv' >&2
-	@'$(PY)' -m pip install --quiet --disable-pip-version-check --no-input -r '$(ROOT)/requirements-site.txt' >&2
+	@'$(PY)' -m pip install --quiet --disable-pip-version-check --no-input --require-hashes -r '$(ROOT)/locks/requirements-site.txt' >&2
 	@touch '$@'
 
-$(CLUSTER_READY): $(ROOT)/requirements-cluster.txt $(READY)
+$(CLUSTER_READY): $(ROOT)/locks/requirements-cluster.txt $(READY)
 	@echo 'setup: installing the Python packages of requirements-cluster.txt into .venv' >&2
-	@'$(PY)' -m pip install --quiet --disable-pip-version-check --no-input -r '$(ROOT)/requirements-cluster.txt' >&2
+	@'$(PY)' -m pip install --quiet --disable-pip-version-check --no-input --require-hashes -r '$(ROOT)/locks/requirements-cluster.txt' >&2
 	@touch '$@'
 
 setup: ## install what is missing: system tools (apt) and .venv
@@ -183,6 +183,14 @@ layers: $(READY) ## draw the layers of the project, from its imports, into docs/
 
 site: $(SITE_READY) ## the documentation as a site in build/site
 	@'$(PY)' -m scripts site $(ARGS)
+
+# Hashes of every file of the pinned versions, for all machines and versions of Python from Debian 12 on.
+# INDEX="--index-url ADDRESS" where pip has another index than the usual one.
+LOCKED := $(notdir $(wildcard $(ROOT)/requirements*.txt))
+lock: $(READY) ## hashes of all requirements, into locks/; after each change of a requirements*.txt
+	@'$(PY)' -m pip install --quiet --disable-pip-version-check --no-input uv==0.13.9 >&2
+	@for file in $(LOCKED); do '$(PY)' -m uv pip compile '$(ROOT)'/$$file --no-deps --universal --generate-hashes --no-annotate \
+	  --no-header --no-emit-index-url --python-version 3.11.5 $(INDEX) --quiet --output-file '$(ROOT)'/locks/$$file || exit 1; done
 
 release: $(SITE_READY) $(CLUSTER_READY) ## wheel, netlists, cores, site and bitstreams of a clean commit whose tests are green
 	@'$(PY)' -m scripts release --jobs '$(JOBS)' $(ARGS)

