@@ -10,6 +10,7 @@ VENV := $(ROOT)/.venv
 READY := $(VENV)/.ready
 SITE_READY := $(VENV)/.site-ready
 CLUSTER_READY := $(VENV)/.cluster-ready
+RELEASE_READY := $(VENV)/.release-ready
 
 PY ?= $(VENV)/bin/python
 # The same from any working directory
@@ -65,6 +66,11 @@ $(SITE_READY): $(ROOT)/locks/requirements-site.txt $(READY)
 $(CLUSTER_READY): $(ROOT)/locks/requirements-cluster.txt $(READY)
 	@echo 'setup: installing the Python packages of requirements-cluster.txt into .venv' >&2
 	@'$(PY)' -m pip install --quiet --disable-pip-version-check --no-input --require-hashes -r '$(ROOT)/locks/requirements-cluster.txt' >&2
+	@touch '$@'
+
+$(RELEASE_READY): $(ROOT)/locks/requirements-release.txt $(READY)
+	@echo 'setup: installing the Python packages of requirements-release.txt into .venv' >&2
+	@'$(PY)' -m pip install --quiet --disable-pip-version-check --no-input --require-hashes -r '$(ROOT)/locks/requirements-release.txt' >&2
 	@touch '$@'
 
 setup: ## install what is missing: system tools (apt) and .venv
@@ -187,12 +193,11 @@ site: $(SITE_READY) ## the documentation as a site in build/site
 # Hashes of every file of the pinned versions, for all machines and versions of Python from Debian 12 on.
 # INDEX="--index-url ADDRESS" where pip has another index than the usual one.
 LOCKED := $(notdir $(wildcard $(ROOT)/requirements*.txt))
-lock: $(READY) ## hashes of all requirements, into locks/; after each change of a requirements*.txt
-	@'$(PY)' -m pip install --quiet --disable-pip-version-check --no-input uv==0.13.9 >&2
+lock: $(RELEASE_READY) ## hashes of all requirements, into locks/; after each change of a requirements*.txt
 	@for file in $(LOCKED); do '$(PY)' -m uv pip compile '$(ROOT)'/$$file --no-deps --universal --generate-hashes --no-annotate \
 	  --no-header --no-emit-index-url --python-version 3.11.5 $(INDEX) --quiet --output-file '$(ROOT)'/locks/$$file || exit 1; done
 
-release: $(SITE_READY) $(CLUSTER_READY) ## wheel, netlists, cores, site and bitstreams of a clean commit whose tests are green
+release: $(SITE_READY) $(CLUSTER_READY) $(RELEASE_READY) ## wheel, netlists, cores, site and bitstreams of a clean commit whose tests are green
 	@'$(PY)' -m scripts release --jobs '$(JOBS)' $(ARGS)
 
 generate: $(READY) ## rewrite the files that are generated from the model

