@@ -40,7 +40,8 @@ entity board_top is
     DIVIDE            : positive range 1 to 4 := 1;          -- 1, 2 or 4; 1 with PLL
     PLL               : boolean               := false;      -- true: board_clock makes the core's clock
     BAUD              : positive              := 3_000_000;  -- UART, 1/s
-    LEAST_DEAD_TIME   : positive              := 400         -- ns; shorter dead times are raised to it
+    LEAST_DEAD_TIME   : positive              := 400;        -- ns; shorter dead times are raised to it
+    RECORDER_ROWS     : natural               := 0           -- steps that are recorded: 0, or a power of two from 8 on
   );
   port (
     clock          : in    std_logic;                     -- oscillator
@@ -279,6 +280,7 @@ begin
       OPTION         => FOLDED or CONTROLLER = CONTROLLER_MPTC,
       CLOCK_HZ       => CLOCK_HZ,
       BAUD           => BAUD,
+      RECORDER       => RECORDER_ROWS > 0,
       LIMIT          => choose(BAUD < 1_000_000, CLOCK_HZ / 50, CLOCK_HZ / 200)
     )
     port map (
@@ -345,7 +347,8 @@ begin
         INWARDS           => INWARDS,
         CAPACITOR_FILTER  => CAPACITOR_FILTER,
         LEAKAGE_ESTIMATE  => LEAKAGE_ESTIMATE,
-        LEAST_DEAD_TIME   => DEAD_CLOCKS
+        LEAST_DEAD_TIME   => DEAD_CLOCKS,
+        RECORDER_ROWS     => RECORDER_ROWS
       )
       port map (
         clk            => core_clock,
@@ -422,7 +425,8 @@ begin
       generic map (
         FAMILY          => FAMILY,
         SENSORLESS      => SENSORLESS,
-        LEAST_DEAD_TIME => DEAD_CLOCKS
+        LEAST_DEAD_TIME => DEAD_CLOCKS,
+        RECORDER_ROWS   => RECORDER_ROWS
       )
       port map (
         clk            => core_clock,

@@ -27,6 +27,7 @@ entity host_link is
     BAUD           : positive              := 3_000_000;        -- UART, 1/s
     LIMIT          : positive              := 125_000;          -- clocks a frame may take
     DECISION_LIMIT : positive              := LONGEST_DECISION; -- clocks a decision may take
+    RECORDER       : boolean               := false;            -- true: either link writes the recorder's registers
     ADDRESS_WIDTH  : positive              := 10                -- bits of a register's byte address
   );
   port (
@@ -242,7 +243,8 @@ begin
       OPTION         => OPTION,
       CLOCK_HZ       => CLOCK_HZ,
       LIMIT          => LIMIT,
-      DECISION_LIMIT => DECISION_LIMIT
+      DECISION_LIMIT => DECISION_LIMIT,
+      RECORDER       => RECORDER
     )
     port map (
       clk             => clk,

@@ -68,6 +68,8 @@ package link_constants is
 
   -- byte address of system.control, whatever the controller
   constant CONTROL_ADDRESS : natural := 12;
+  -- upper bits of the byte addresses of the recorder's registers, likewise
+  constant RECORDER_BLOCK : std_logic_vector(15 downto 7) := "000000111";
 
   constant OUTCOME_ACCEPTED : outcome_t := "0000";
   constant OUTCOME_LINE : outcome_t := "0001";

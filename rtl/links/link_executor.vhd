@@ -41,7 +41,8 @@ entity link_executor is
     OPTION         : boolean               := false;            -- told in IDENTIFY, bit 0 of options
     CLOCK_HZ       : positive              := 25_000_000;       -- told in IDENTIFY, Hz
     LIMIT          : positive              := 125_000;          -- told in IDENTIFY: the receiver's LIMIT
-    DECISION_LIMIT : positive              := LONGEST_DECISION  -- clocks a decision may take
+    DECISION_LIMIT : positive              := LONGEST_DECISION; -- clocks a decision may take
+    RECORDER       : boolean               := false             -- true: either link writes the recorder's registers
   );
   port (
     clk             : in    std_logic;                                      -- rising edge
@@ -169,7 +170,8 @@ begin
   i_check : entity work.request_check
     generic map (
       CONTROLLER => CONTROLLER,
-      STEP_WORDS => STEP_WORDS
+      STEP_WORDS => STEP_WORDS,
+      RECORDER   => RECORDER
     )
     port map (
       clk           => clk,

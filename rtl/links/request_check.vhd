@@ -10,7 +10,7 @@
 -- an old measurement steps no further.
 --
 -- Authority: the link in control may do everything. The other one reads, and writes zero to system.control,
--- which disables the gates.
+-- which disables the gates. With RECORDER it writes the recorder's registers, too: they change nothing of the drive.
 --
 -- Formats: frames as in docs/protocol.md. measurements and position are the payload of a STEP, first word lowest.
 -- Latency: outcome is valid in the clock after the last byte. A number counts in the second clock after acted.
@@ -29,7 +29,8 @@ library work;
 entity request_check is
   generic (
     CONTROLLER : positive range 1 to 2 := CONTROLLER_MPDCC; -- CONTROLLER_MPDCC or CONTROLLER_MPTC
-    STEP_WORDS : positive              := STEP_WORDS_MPDCC  -- 16-bit words of measurements in a STEP
+    STEP_WORDS : positive              := STEP_WORDS_MPDCC; -- 16-bit words of measurements in a STEP
+    RECORDER   : boolean               := false             -- true: either link writes the recorder's registers
   );
   port (
     clk           : in    std_logic;                                      -- rising edge
@@ -95,6 +96,7 @@ architecture rtl of request_check is
   signal writing     : std_logic;                            -- it is a WRITE
   signal stepping    : std_logic;                            -- it is a STEP
   signal disables    : std_logic;                            -- it writes zero to system.control
+  signal records     : std_logic;                            -- it writes one of the recorder's registers
   signal stands      : std_logic_vector(POSITION_BITS - 1 downto 0); -- applied, a clock ago
 
 begin
@@ -181,6 +183,7 @@ begin
   stepping <= to_std_logic(type_now = TYPE_STEP);
   changes  <= writing or stepping;
 
+  records  <= writing and to_std_logic(RECORDER and address_now(15 downto 7) = RECORDER_BLOCK);
   disables <= quiet and to_std_logic(address_now = std_logic_vector(to_unsigned(CONTROL_ADDRESS, 16)));
 
   ---------------------------------------------------------------------------------------------
@@ -243,8 +246,8 @@ begin
 
   end process p_stands;
 
-  p_verdict : process (known, changes, stepping, fresh, link, control, disables, step_busy, applied_known, payload,
-                       stands, passed) is
+  p_verdict : process (known, changes, stepping, fresh, link, control, disables, records, step_busy, applied_known,
+                       payload, stands, passed) is
 
     variable asked : std_logic_vector(15 downto 0);
 
@@ -258,7 +261,7 @@ begin
     elsif (changes = '1') then
       if (fresh = '0') then
         outcome <= OUTCOME_STALE;
-      elsif (link /= control and (stepping = '1' or disables = '0')) then
+      elsif (link /= control and (stepping = '1' or (disables or records) = '0')) then
         outcome <= OUTCOME_LINK;
       elsif (stepping = '1' and step_busy = '1') then
         outcome <= OUTCOME_BUSY;

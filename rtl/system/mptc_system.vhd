@@ -785,6 +785,7 @@ begin
         clk        => clk,
         rst        => rst,
         begins     => core_start,
+        busy       => deciding,
         decided    => core_valid,
         step_words => step,
         deadlock   => '0',

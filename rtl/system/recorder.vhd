@@ -39,6 +39,7 @@ entity recorder is
     rst       : in    std_logic;                     -- synchronous, active high
     -- the step
     begins    : in    std_logic;                     -- '1' for one clock: inputs stand, until decided and one on
+    busy      : in    std_logic;                     -- '1': a decision is under way; before begins, too
     decided   : in    std_logic;                     -- '1' for one clock: results stand, until RESULTS + 1 clocks on
     step_words : in    record_t;                      -- both, formats as recorder_format
     deadlock  : in    std_logic;                     -- '1': no candidate stays inside; stands as the results do
@@ -363,7 +364,7 @@ begin
 
       -- what happened, in the clock of ends too, counts in the next
       v.now  := now;
-      rests  := to_std_logic(r.phase = PHASE_REST) and not (r.due or begins or r.ends or r.closes);
+      rests  := to_std_logic(r.phase = PHASE_REST) and not (busy or r.due or begins or r.ends or r.closes);
       v.ended := r.ends;
 
       if (r.recording = '1') then

@@ -34,6 +34,11 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--sensorless", action="store_true", help="mptc: the board can estimate the speed"
     )
     parser.add_argument(
+        "--recorder", type=int, default=0, metavar="ROWS",
+        choices=(0, *(2**n for n in range(3, 11))),
+        help="steps that the recorder keeps: a power of two from 8 to 1024",
+    )  # fmt: skip
+    parser.add_argument(
         "--board", choices=sorted(BOARDS), help="the netlist of this board's bitstream"
     )
     parser.add_argument(
@@ -78,10 +83,13 @@ def _run(given: argparse.Namespace) -> int | None:
         raise UsageError(f"{given.board} has no bitstream of {BUILDS[build]}")
     began = time.perf_counter()
     chosen = virtual_board.generics(
-        controller, given.explorers, given.folded, family=family, sensorless=given.sensorless
-    )
+        controller, given.explorers, given.folded, family=family, sensorless=given.sensorless,
+        recorder=given.recorder,
+    )  # fmt: skip
     if given.board:
         chosen = BOARDS[given.board].generics(build, given.explorers)
+        if given.recorder:
+            chosen["RECORDER_ROWS"] = given.recorder
     with progress.busy("virtual board: compiling, a minute the first time"):
         board = virtual_board.VirtualBoard(
             chosen,

@@ -93,10 +93,13 @@ def text() -> str:
         for controller in p.Controller
     ]
     address, _ = registers_of("mpdcc")["system.control"]
+    recorder, _ = registers_of("mpdcc")["recorder.status"]
     lines += [
         "",
         "  -- byte address of system.control, whatever the controller",
         f"  constant CONTROL_ADDRESS : natural := {address};",
+        "  -- upper bits of the byte addresses of the recorder's registers, likewise",
+        f'  constant RECORDER_BLOCK : std_logic_vector(15 downto 7) := "{recorder >> 7:09b}";',
         "",
     ]
     lines += [

@@ -61,6 +61,7 @@ def generics(
     *,
     family: bool = False,
     sensorless: bool = False,
+    recorder: int = 0,
 ) -> Generics:
     """Build options of a simulated board without a PLL, whose UART is faster than a board's."""
     found = dict(BOARDS["ulx3s-85f"].generics(controller, explorers))
@@ -73,6 +74,8 @@ def generics(
         found["FAMILY"] = True
     if sensorless:
         found["SENSORLESS"] = True
+    if recorder:
+        found["RECORDER_ROWS"] = recorder
     return found
 
 

@@ -4,7 +4,7 @@
 // Licence: Apache-2.0
 
 module proof (
-  input clk, input rst, input begins, input decided, input [512:0] step_words, input deadlock, input saturated,
+  input clk, input rst, input begins, input busy, input decided, input [512:0] step_words, input deadlock, input saturated,
   input tripped, input [9:0] awaddr, input [31:0] wdata, input m_awvalid, input m_wvalid, input m_bready,
   input [9:0] araddr, input m_arvalid, input m_rready, input s_awready, input s_wready, input s_bvalid,
   input [1:0] s_bresp, input s_arready, input s_rvalid, input [31:0] s_rdata, input [1:0] s_rresp
@@ -15,7 +15,7 @@ module proof (
   wire [31:0] m_rdata;
 
   recorder i_dut (
-    .clk(clk), .rst(rst), .begins(begins), .decided(decided), .step_words(step_words), .deadlock(deadlock),
+    .clk(clk), .rst(rst), .begins(begins), .busy(busy), .decided(decided), .step_words(step_words), .deadlock(deadlock),
     .saturated(saturated), .tripped(tripped), .awaddr(awaddr), .wdata(wdata), .m_awvalid(m_awvalid),
     .m_awready(m_awready), .m_wvalid(m_wvalid), .m_wready(m_wready), .m_bready(m_bready), .m_bvalid(m_bvalid),
     .m_bresp(m_bresp), .araddr(araddr), .m_arvalid(m_arvalid), .m_arready(m_arready), .m_rready(m_rready),

@@ -6,6 +6,7 @@ run        lock-step closed loop: the board decides, a float64 plant here answer
 monitor    status, faults, cycles and frame counters, again and again
 read       one register by name, field by field
 write      fields of one register
+record     what the recorder in the fabric holds, as trace, decisions and table; arm and trigger it
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from rich.live import Live
 from rich.table import Table
 
 from directmpc.api.drive_file import load_core_drive
-from directmpc.host import lockstep, spi
+from directmpc.host import lockstep, recorder, spi
 from directmpc.host.board import BAUD, Board, DisabledError, RegisterError, TrippedError
 from directmpc.host.console import (
     OneParagraphParser,
@@ -211,6 +212,67 @@ def write(board: Board, console: Console, given: argparse.Namespace) -> int:
     return 0
 
 
+def record(board: Board, console: Console, given: argparse.Namespace) -> int:
+    """Read what the recorder holds into files; arm it, or trigger it.
+
+    Parameters
+    ----------
+    board : Board
+        Board that has identified itself.
+    console : Console
+        Where is said what was read.
+    given : Namespace
+        `drive`, path of the drive file that the board was loaded with; `trace`, `decisions`,
+        `table`, paths or None; `last`, newest records or None; `arm`, `trigger`, whether to;
+        `after`, `decimation`, `on`, `edge`, settings for `arm`.
+
+    Returns
+    -------
+    int
+        Exit code: 0.
+
+    Raises
+    ------
+    RegisterError
+        If the board has no recorder.
+    ValueError
+        If the drive file or a setting cannot be used, or a file cannot be written.
+    """
+    drive = load_core_drive(given.drive)
+    files = [path for path in (given.trace, given.decisions, given.table) if path]
+    for path in files:
+        check_output(path, given.drive)
+    if given.trigger:
+        board.trigger_recorder()
+    if files:
+        found = board.recording(given.last, drive)
+        for path, write_ in (
+            (given.trace, found.write_trace),
+            (given.decisions, found.write_decisions),
+            (given.table, found.write_table),
+        ):
+            if path:
+                write_(path)
+        console.print(f"{len(found)} steps read", highlight=False)
+    if given.arm:
+        settings = recorder.Settings(after=given.after, decimation=given.decimation)
+        if given.on:
+            name, _, text = given.on.partition("=")
+            parts = [recorder.number(part, given.on) for part in text.split(",")]
+            value = parts[0] if len(parts) == 1 else [int(part) for part in parts]
+            settings = recorder.level(
+                drive, name, value, given.edge, after=given.after, decimation=given.decimation
+            )
+        board.arm_recorder(settings)
+    status = board.recorder_status()
+    doing = "records" if status.recording else "has stopped"
+    cause = f", triggered by {', '.join(status.cause)}" if status.cause else ""
+    console.print(
+        f"recorder: {doing}{cause}; {status.records} of {status.rows - 1} steps", highlight=False
+    )
+    return 0
+
+
 DAY = 86_400
 """Longest time between two looks of `monitor`, s."""
 
@@ -221,6 +283,7 @@ COMMANDS = {
     "monitor": monitor,
     "read": read,
     "write": write,
+    "record": record,
 }
 
 
@@ -276,7 +339,30 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         command.add_argument("register", help="name as in docs/registers.md, system.status for one")
         if name == "write":
             command.add_argument("fields", nargs="+", metavar="FIELD=VALUE")
+    command = commands.add_parser("record")
+    command.add_argument("drive", type=Path, help="drive file that the board was loaded with")
+    for name, text in (
+        ("trace", "what the core saw, for directmpc replay"),
+        ("decisions", "what it decided"),
+        ("table", "all columns"),
+    ):
+        command.add_argument(f"--{name}", type=Path, metavar="FILE", help=f"{text} (CSV)")
+    command.add_argument("--last", type=int, help="the newest so many steps; all by default")
+    command.add_argument("--arm", action="store_true", help="begin anew, behind what is read")
+    command.add_argument("--trigger", action="store_true", help="trigger first")
+    command.add_argument("--after", type=int, default=0, help="steps kept behind the trigger's")
+    command.add_argument("--decimation", type=int, default=0, help="steps left out between two")
+    command.add_argument(
+        "--on", metavar="NAME=VALUE", help="trigger on a column of the trace too: v_dc=600"
+    )
+    command.add_argument(
+        "--edge", choices=("rising", "falling", "equal"), default="rising", help="for --on"
+    )
     given = parser.parse_args(arguments)
+    if given.command == "record" and not (
+        given.after >= 0 and 0 <= given.decimation <= 255 and (given.last or 1) >= 1
+    ):
+        parser.error("record: --after from 0, --decimation from 0 to 255, --last from 1 on")
     if given.command == "run" and (given.steps < 1 or not math.isfinite(given.speed)):
         parser.error("run needs at least one step and a finite speed")
     if given.command == "run" and not 0 <= given.ramp_down <= given.steps:

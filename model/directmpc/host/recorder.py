@@ -9,6 +9,7 @@ does. `Recording` is what a host reads: columns by name, and the trace and the d
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -244,6 +245,35 @@ def level(
         **{edge: True},
         **others,
     )
+
+
+def number(text: str, given: str) -> float:
+    """A number of a setting.
+
+    Parameters
+    ----------
+    text : str
+        What should be one.
+    given : str
+        The whole setting, for the message.
+
+    Returns
+    -------
+    float
+        Finite.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"trigger: got '{given}'; it must be NAME=VALUE, v_dc=600 for instance")
+    return value
 
 
 @dataclass

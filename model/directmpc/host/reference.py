@@ -37,6 +37,8 @@ class LinkModel:
         Last sequence number that acted; `protocol.first_sequence` of the link to begin with.
     count
         Count of the measurement of the last STEP that acted.
+    recorder
+        Whether a recorder is built: every link writes its registers.
     """
 
     identity: Identity
@@ -47,6 +49,7 @@ class LinkModel:
     counters: Counter[Outcome] = field(default_factory=Counter)
     last: int = 0
     count: int = 0
+    recorder: bool = False
 
     @property
     def controls(self) -> bool:
@@ -60,7 +63,9 @@ class LinkModel:
         return bool(self.identity.options & 2)
 
     def disables(self, frame: Frame) -> bool:
-        """Whether a frame writes zero to system.control: all that a link without control may write.
+        """Whether a frame writes what a link without control may write.
+
+        That is zero to system.control, and the registers of a recorder that was built.
 
         Parameters
         ----------
@@ -72,8 +77,13 @@ class LinkModel:
         bool
             False for every other frame.
         """
-        address, _ = registers_of(self.identity.controller.name.lower())["system.control"]
-        return frame.kind == Type.WRITE and frame.payload == struct.pack("<HI", address, 0)
+        known = registers_of(self.identity.controller.name.lower())
+        if frame.kind != Type.WRITE:
+            return False
+        (address,) = struct.unpack("<H", frame.payload[:2])
+        if self.recorder and address >> 7 == known["recorder.status"][0] >> 7:
+            return True
+        return frame.payload == struct.pack("<HI", known["system.control"][0], 0)
 
     def verdict(self, frame: Frame) -> Outcome:
         """What becomes of a frame that its receiver has passed.

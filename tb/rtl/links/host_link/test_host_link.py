@@ -132,7 +132,7 @@ FAULTS: list[tuple[str, str, str, Callable[[Path], object]]] = [
     ("frame_sender", "if (ended = '1' and r.phase /= PHASE_IDLE) then", "if (false) then", mishaps),
     ("request_check", "behind(NUMBER_BITS - 1) and not (number_now(31) xor link)",
      "behind(NUMBER_BITS - 1)", mishaps),
-    ("request_check", "link /= control and (stepping = '1' or disables = '0')",
+    ("request_check", "link /= control and (stepping = '1' or (disables or records) = '0')",
      "stepping = '1' and link /= control", mishaps),
     ("request_check", "not (number_now(31) xor link)", "'1'", mishaps),
     ("request_check", "MPDCC, 9, 3)", "MPDCC, 8, 3)", over_uart),

@@ -15,6 +15,7 @@ from directmpc.host.reference import LinkModel
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number
 
 CONTROL = 0x0C  # address of system.control
+RECORDER = 0x384  # of recorder.settings
 HALF = 2 ** (p.NUMBER_BITS - 1)
 #: How far sequence numbers lie beyond the last one of their link.
 AHEAD = [1, 1, 1, 1, 2, 300, HALF - 1, HALF, HALF + 1, 0, -1, 2 - HALF]
@@ -29,10 +30,11 @@ POSITION = 2**p.COUNT_PLACE - 1
 
 
 @cache
-def rules_of(controller: Controller, controls: int) -> LinkModel:
+def rules_of(controller: Controller, controls: int, recorder: bool) -> LinkModel:
     """The protocol's rules for a link that is in control, or is not."""
     identity = Identity(p.VERSION, controller, 0, 2 * controls, 0, 1, 1)
-    return LinkModel(identity, lambda _: (0, 0), lambda *_: 0, lambda _: None)
+    nothing = (lambda _: (0, 0), lambda *_: 0, lambda _: None)
+    return LinkModel(identity, *nothing, recorder=recorder)
 
 
 class Bench:
@@ -69,6 +71,7 @@ class Bench:
         self.dut, self.board, self.clock = dut, Scoreboard(), Clock(dut)
         self.rng, self.pause = random.Random(given["seed"]), given["pause"]
         self.controller = Controller(int(given["CONTROLLER"]))
+        self.recorder = bool(given["RECORDER"])
         self.link = self.applied = 0
         self.frame: Frame | None = None
         self.forget()
@@ -88,7 +91,7 @@ class Bench:
     def verdict(self, i: dict[str, int]) -> Outcome:
         """What becomes of the request with the inputs of a clock."""
         frame = self.frame
-        rules = rules_of(self.controller, int(i["control"] == self.link))
+        rules = rules_of(self.controller, int(i["control"] == self.link), self.recorder)
         rules.last = self.link << p.NUMBER_BITS | self.last[self.link]
         rules.count = self.counts[self.link]
         rules.applied = lambda: self.applied if i["applied_known"] else None
@@ -330,6 +333,8 @@ async def every_clock(dut) -> None:
         kind = rng.choice(served)
         foreign = rng.random() < 0.05
         await bench.serve(kind ^ foreign << rng.randrange(8), sizes[kind])
+    for bit in range(17):  # a register of the recorder, but for one bit
+        await bench.serve_near(Type.WRITE, CONTROL ^ (0xABCD << 16 | RECORDER ^ 1 << bit >> 1))
     few = given["requests"] // 100
     board.finish(
         dict.fromkeys(("outcome", "last", "complete", "number", "address", "word"), 10 * few)
@@ -337,7 +342,7 @@ async def every_clock(dut) -> None:
         {f"{one.name} on link {link}": few for one in REFUSALS for link in (0, 1)}
         | {f"{kind} acted on link {link}": few for kind in p.ACTING for link in (0, 1)}
         | {"header read again": few, "reset in a request": few}
-        | {"near 4: ACCEPTED": 10, "near 4: LINK": 48, "near 4: STALE": 8}
+        | {"near 4: ACCEPTED": 18 if bench.recorder else 10, "near 4: LINK": 48, "near 4: STALE": 8}
         | {"near 5: ACCEPTED": 5, "near 5: POSITION": 3, "near 5: REPEATED": 3}
         | {"reset as it acts": 1, "reset as a number counts": 1}
         | {"type and size": 10 * (p.MAX_PAYLOAD + 1) * given["sizes"]},

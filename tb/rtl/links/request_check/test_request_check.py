@@ -30,22 +30,32 @@ STEP_WORDS = {1: 13, 2: 8}  # by controller
 
 
 def bench(
-    rtl: Path = RTL, controller: int = 1, pause: float = 0, sizes: int = 0, requests: int = 400
+    rtl: Path = RTL,
+    controller: int = 1,
+    pause: float = 0,
+    sizes: int = 0,
+    requests: int = 400,
+    recorder: bool = False,
 ) -> Outcome:
     return run(
         NAME,
         f"tb.rtl.links.{NAME}.bench_{NAME}",
         units=[NAME],
-        generics={"CONTROLLER": controller, "STEP_WORDS": STEP_WORDS[controller]},
+        generics={
+            "CONTROLLER": controller,
+            "STEP_WORDS": STEP_WORDS[controller],
+            "RECORDER": recorder,
+        },
         arguments={"seed": 5, "pause": pause, "sizes": sizes, "requests": requests},
         rtl=rtl,
     )
 
 
 @pytest.mark.parametrize("pause", [0, 0.3], ids=["full speed", "throttled"])
+@pytest.mark.parametrize("recorder", [False, True], ids=["", "recorder"])
 @pytest.mark.parametrize("controller", [1, 2], ids=["MPDCC", "MPTC"])
-def test_requests_are_judged_by_the_protocol(controller: int, pause: float) -> None:
-    found = bench(controller=controller, pause=pause, sizes=1)
+def test_requests_are_judged_by_the_protocol(controller: int, recorder: bool, pause: float) -> None:
+    found = bench(controller=controller, pause=pause, sizes=1, recorder=recorder)
     assert found.checks["outcome"] >= 300
     assert found.covered["type and size"] == 330
 
@@ -55,7 +65,7 @@ FAULTS = [
     Fault(NAME, "behind(NUMBER_BITS - 1) and not", "(not behind(5)) and not", "outcome:"),
     Fault(NAME, "elsif (data /= x\"00\") then", "elsif (data(7) = '1') then", "outcome:"),
     Fault(NAME, "MPDCC, 9, 3)", "MPDCC, 8, 3)", "outcome:"),
-    Fault(NAME, "(stepping = '1' or disables = '0')", "disables = '0'", "outcome:"),
+    Fault(NAME, "(stepping = '1' or (disables or records) = '0')", "disables = '0'", "outcome:"),
     Fault(NAME, "noted <= acted and changes;", "noted <= acted;", "last:"),
     Fault(NAME, "        noted  <= '0';\n", "", "last:"),
     Fault(NAME, "passed(COUNT_BITS - 1) = '0'", "passed = 0", "outcome:"),

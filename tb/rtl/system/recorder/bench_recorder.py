@@ -43,7 +43,7 @@ class Rig:
     async def begin(self) -> None:
         """Known values, the clock, a reset."""
         quiet = (
-            "begins decided deadlock saturated tripped step_words awaddr araddr wdata m_awvalid "
+            "begins busy decided deadlock saturated tripped step_words awaddr araddr wdata m_awvalid "
             "m_wvalid m_bready m_arvalid s_awready s_wready s_bvalid s_bresp s_arready s_rvalid "
             "s_rdata s_rresp"
         )
@@ -142,6 +142,11 @@ class Rig:
         dut, rng = self.dut, self.rng
         record = self.record()
         flags = {name: rng.random() < 0.1 for name in ("deadlock", "saturated")}
+        dut.busy.value = 1
+        early = trips and not fast and rng.random() < 0.5  # before the core begins
+        for clock in range(rng.choice((0, 12))) if not fast else ():
+            dut.tripped.value = int(self.tripped or (early and clock > 5))
+            await RisingEdge(dut.clk)
         dut.begins.value = 1
         await RisingEdge(dut.clk)
         dut.begins.value = 0
@@ -156,7 +161,7 @@ class Rig:
                 await RisingEdge(dut.clk)
             else:
                 await self.write("recorder.command", trigger=1)
-        dut.decided.value = 0
+        dut.decided.value = dut.busy.value = 0
         self.put(record, record)
         self.last = record
         for name, value in flags.items():
