@@ -162,8 +162,11 @@ begin
   g_own_age : if FIVE_LEVEL and not ALWAYS_AT_RAIL generate
 
     signal dead_pause : std_logic_vector(TIME_WIDTH - 1 downto 0);
+    signal switches   : std_logic; -- a gate changes after this edge: a step of a start may change none
 
   begin
+
+    switches   <= change and (going or to_std_logic(changed /= driven));
 
     dead_pause <= std_logic_vector(unsigned(dead_time) - to_unsigned(1, TIME_WIDTH));
 
@@ -173,7 +176,7 @@ begin
       )
       port map (
         clk    => clk,
-        load   => change,
+        load   => switches,
         clocks => dead_pause,
         over   => aged
       );
