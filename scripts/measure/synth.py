@@ -151,7 +151,26 @@ def _carry_feeds(cells: dict[str, dict[str, Any]]) -> int:
 
 
 def count(cells: dict[str, dict[str, Any]], family: str) -> dict[str, Any]:
-    """Resources of a mapped netlist by the rules above; an unknown cell is an error, not a zero."""
+    """Resources of a mapped netlist by the rules above; an unknown cell is an error, not a zero.
+
+    Parameters
+    ----------
+    cells : dict[str, dict[str, Any]]
+        Cells of the netlist as Yosys writes them, by name.
+    family : str
+        "xc3s", "xc6s", "xc7" or "ecp5".
+
+    Returns
+    -------
+    dict[str, Any]
+        Numbers of ``lut``, ``ff``, ``mult`` or ``dsp``, ``bram``, slices for "xc3s", and cells by
+        type.
+
+    Raises
+    ------
+    ToolError
+        If a cell is not in the rules of counting.
+    """
     types: dict[str, int] = {}
     for cell in cells.values():
         types[cell["type"]] = types.get(cell["type"], 0) + 1
