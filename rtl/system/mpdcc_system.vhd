@@ -849,7 +849,7 @@ begin
       step(MPDCC_APPLIED_NEXT + 8 downto MPDCC_APPLIED_NEXT) <= core_c & core_b & core_a;
       step(MPDCC_CYCLES + 15 downto MPDCC_CYCLES) <= from_hardware.system.cycles.last.next_q;
       step(MPDCC_NUMBER + 15 downto MPDCC_NUMBER) <= from_hardware.system.decisions.count.next_q(15 downto 0);
-      step(MPDCC_FAULTS + 12 downto MPDCC_FAULTS) <= faults;
+      step(MPDCC_FAULTS + faults'high downto MPDCC_FAULTS) <= faults;
       step(MPDCC_SATURATED) <= core_saturated;
       step(MPDCC_EXHAUSTED) <= core_exhausted;
 

@@ -769,7 +769,7 @@ begin
       step(MPTC_NEXT_T2 + 12 downto MPTC_NEXT_T2) <= decided.t2;
       step(MPTC_CYCLES + 15 downto MPTC_CYCLES) <= from_hardware.system.cycles.last.next_q;
       step(MPTC_NUMBER + 15 downto MPTC_NUMBER) <= from_hardware.system.decisions.count.next_q(15 downto 0);
-      step(MPTC_FAULTS + 12 downto MPTC_FAULTS) <= faults;
+      step(MPTC_FAULTS + faults'high downto MPTC_FAULTS) <= faults;
       step(MPTC_SATURATED) <= core_saturated;
       step(MPTC_CLAMPED) <= core_clamped;
 

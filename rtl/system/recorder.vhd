@@ -291,7 +291,7 @@ begin
     variable v     : state_t;
     variable now   : causes_t;
     variable kept  : std_logic; -- this record is
-    variable rests : std_logic; -- no decision is under way
+    variable idle  : std_logic; -- no decision is under way
 
   begin
 
@@ -364,7 +364,7 @@ begin
 
       -- what happened, in the clock of ends too, counts in the next
       v.now  := now;
-      rests  := to_std_logic(r.phase = PHASE_REST) and not (busy or r.due or begins or r.ends or r.closes);
+      idle   := to_std_logic(r.phase = PHASE_REST) and not (busy or r.due or begins or r.ends or r.closes);
       v.ended := r.ends;
 
       if (r.recording = '1') then
@@ -375,7 +375,7 @@ begin
         end if;
       end if;
 
-      if (r.ended = '1' or (rests = '1' and v.hit = '1')) then
+      if (r.ended = '1' or (idle = '1' and v.hit = '1')) then
         v.fires  := v.hit and not r.triggered;
         v.hit    := '0';
         v.whole  := r.ended;

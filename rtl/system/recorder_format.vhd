@@ -48,12 +48,12 @@ package recorder_format is
   constant MPDCC_APPLIED_NEXT : natural := 288; -- bits: 9
   constant MPDCC_CYCLES : natural := 304; -- bits: 16
   constant MPDCC_NUMBER : natural := 320; -- bits: 16
-  constant MPDCC_FAULTS : natural := 336; -- bits: 13
-  constant MPDCC_SATURATED : natural := 349; -- bits: 1
+  constant MPDCC_FAULTS : natural := 336; -- bits: 15
+  constant MPDCC_SATURATED : natural := 297; -- bits: 1
   constant MPDCC_LENGTH : natural := 280; -- bits: 6
   constant MPDCC_HELD : natural := 286; -- bits: 1
   constant MPDCC_DEADLOCK : natural := 287; -- bits: 1
-  constant MPDCC_EXHAUSTED : natural := 350; -- bits: 1
+  constant MPDCC_EXHAUSTED : natural := 298; -- bits: 1
 
   -- words before the decision and of it, lowest bit of each quantity: MPTC
   constant MPTC_INPUTS : natural := 6;
@@ -73,9 +73,9 @@ package recorder_format is
   constant MPTC_APPLIED_NEXT : natural := 288; -- bits: 9
   constant MPTC_CYCLES : natural := 304; -- bits: 16
   constant MPTC_NUMBER : natural := 320; -- bits: 16
-  constant MPTC_FAULTS : natural := 336; -- bits: 13
-  constant MPTC_SATURATED : natural := 349; -- bits: 1
-  constant MPTC_CLAMPED : natural := 350; -- bits: 1
+  constant MPTC_FAULTS : natural := 336; -- bits: 15
+  constant MPTC_SATURATED : natural := 297; -- bits: 1
+  constant MPTC_CLAMPED : natural := 298; -- bits: 1
   constant MPTC_NEXT_T1 : natural := 352; -- bits: 13
   constant MPTC_NEXT_T2 : natural := 368; -- bits: 13
 

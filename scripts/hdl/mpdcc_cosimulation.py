@@ -21,7 +21,7 @@ from directmpc.mpdcc.formats import MEASUREMENTS
 from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.observer import FluxObserver
 from directmpc.mpdcc.variants import FIELDS
-from scripts.hdl.mpdcc_simulation import Job
+from scripts.hdl.mpdcc_job import Job
 from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
 
 _WIDTH = 16

@@ -20,7 +20,8 @@ from scripts.hdl import converter_package, states
 from scripts.hdl import mpdcc_simulation as rtl_simulation
 from scripts.hdl.clocks import worst_clocks
 from scripts.hdl.ghdl import execute
-from scripts.hdl.mpdcc_simulation import BENCH, Job, Loop, generics
+from scripts.hdl.mpdcc_job import Job, Loop
+from scripts.hdl.mpdcc_simulation import BENCH, generics
 from scripts.hdl.sources import RTL
 from scripts.hdl.states import IntArray
 

@@ -19,7 +19,7 @@ from directmpc.mptc.errors import erring_sequence, erring_step, legs_at_rest, me
 from directmpc.mptc.formats import MEASUREMENT_WIDTH, MEASUREMENTS, TIME_PORT_WIDTH, WORD_WIDTH
 from directmpc.mptc.sequence import TIME_STEPS, VectorSequence, segments
 from directmpc.speed_control import speed_pi
-from scripts.hdl.mptc_simulation import FAMILY_METHODS, FIELDS, Job
+from scripts.hdl.mptc_job import FAMILY_METHODS, FIELDS, Job
 from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
 
 _SEQUENCE_AT = MEASUREMENT_WIDTH * len(MEASUREMENTS) + 2  # bits of a row below the sequence

@@ -13,7 +13,8 @@ from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.trace import IntArray, MptcDecisions, MptcTrace
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl import native as natives
-from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job, core_of
+from scripts.hdl.mptc_job import FAMILY_METHODS, Job
+from scripts.hdl.mptc_simulation import core_of
 from scripts.hdl.simulator import in_parallel
 
 

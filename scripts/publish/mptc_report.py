@@ -27,8 +27,8 @@ from directmpc.mptc.plant import plant_parameters
 from directmpc.mptc.trace import IntArray
 from scripts.hdl import conversion as netlist
 from scripts.hdl import mptc_drive_loop as rtl_loop
+from scripts.hdl import mptc_job, netlist_check
 from scripts.hdl import mptc_simulation as rtl_simulation
-from scripts.hdl import netlist_check
 from scripts.hdl.clocks import clocks_of
 from scripts.hdl.simulator import in_parallel
 from scripts.measure import budgets
@@ -182,9 +182,7 @@ def replayed(runs: dict[str, tuple[MptcDrive, Run]]) -> dict[str, Any]:
 
     def _simulate(rows: IntArray, advance: Callable[[int], None]) -> IntArray:
         picked = chosen[rows]
-        job = rtl_simulation.Job(
-            every[picked[0]], words[picked], u[picked], each_registers=every[picked]
-        )
+        job = mptc_job.Job(every[picked[0]], words[picked], u[picked], each_registers=every[picked])
         return np.asarray(rtl_simulation.simulate(job, advance)["decisions"], dtype=np.int64)
 
     with progress_bar("recorded runs in GHDL", len(chosen)) as show:

@@ -33,7 +33,8 @@ from directmpc.mptc.sequence import TIME_STEPS
 from directmpc.mptc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
 from scripts.hdl import mptc_simulation
 from scripts.hdl import native as natives
-from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job, Loop, core_of
+from scripts.hdl.mptc_job import FAMILY_METHODS, Job, Loop
+from scripts.hdl.mptc_simulation import core_of
 from scripts.hdl.waves import Signal
 from scripts.shared.figures import COLOURS, counted, pyplot, save_png
 

@@ -40,7 +40,7 @@ from directmpc.mpdcc.variants import VARIANTS, count_differences, decisions_of
 from scripts.hdl import mpdcc_simulation
 from scripts.hdl import native as natives
 from scripts.hdl.clocks import worst_cycles
-from scripts.hdl.mpdcc_simulation import Job, Loop
+from scripts.hdl.mpdcc_job import Job, Loop
 from scripts.hdl.waves import Signal
 from scripts.shared import paper_a
 from scripts.shared.figures import COLOURS, counted, drive_title, in_si, pyplot, save_png

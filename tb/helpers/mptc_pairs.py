@@ -13,7 +13,7 @@ from directmpc.mptc import bit_true, cycles
 from directmpc.mptc import bit_true_sequences as twin
 from directmpc.mptc.sequence import TIME_STEPS
 from directmpc.mptc.trace import IntArray
-from scripts.hdl.mptc_simulation import FAMILY_METHODS, FIELDS
+from scripts.hdl.mptc_job import FAMILY_METHODS, FIELDS
 from scripts.studies import mptc, mptc_machines
 from tb.helpers import mptc_rows as core
 

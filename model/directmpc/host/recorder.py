@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.csv_table import IntArray, write_table
+from directmpc.host.gate_guard import FAULTS
 from directmpc.mpdcc import formats as mpdcc_formats
 from directmpc.mpdcc import trace as mpdcc_trace
 from directmpc.mpdcc.drive import Drive
@@ -72,8 +73,8 @@ _SHARED = (
     Field("applied_next", RESULTS_AT + 1, 0, 9),
     Field("cycles", RESULTS_AT + 1, 16, 16),
     Field("number", RESULTS_AT + 2, 0, 16),
-    Field("faults", RESULTS_AT + 2, 16, 13),
-    Field("saturated", RESULTS_AT + 2, 29, 1),
+    Field("faults", RESULTS_AT + 2, 16, len(FAULTS)),
+    Field("saturated", RESULTS_AT + 1, 9, 1),
 )
 
 FIELDS: dict[str, tuple[Field, ...]] = {
@@ -90,7 +91,7 @@ FIELDS: dict[str, tuple[Field, ...]] = {
         Field("length", RESULTS_AT, 24, 6),
         Field("held", RESULTS_AT, 30, 1),
         Field("deadlock", RESULTS_AT, 31, 1),
-        Field("exhausted", RESULTS_AT + 2, 30, 1),
+        Field("exhausted", RESULTS_AT + 1, 10, 1),
     ),
     "mptc": (
         *_halves(
@@ -112,7 +113,7 @@ FIELDS: dict[str, tuple[Field, ...]] = {
             ],
         ),
         *_SHARED,
-        Field("clamped", RESULTS_AT + 2, 30, 1),
+        Field("clamped", RESULTS_AT + 1, 10, 1),
         *_halves(
             RESULTS_AT + 3,
             [(f"next_t{n}", mptc_formats.TIME_PORT_WIDTH, False) for n in (1, 2)],

@@ -16,7 +16,7 @@ from directmpc.host.registers import registers_of, values
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
 from scripts.hdl import states
-from scripts.hdl.mptc_simulation import FAMILY_METHODS
+from scripts.hdl.mptc_job import FAMILY_METHODS
 from scripts.hdl.virtual_board import Script, generics
 from scripts.shared.tools import Generics, ToolError
 from scripts.studies.torture import blocks

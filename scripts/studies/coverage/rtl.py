@@ -23,7 +23,7 @@ from directmpc.mptc.bit_true_sequences import BEST, DEADBEAT, MEAN
 from directmpc.mptc.coefficients import COEFFICIENTS
 from directmpc.mptc.sequence import TIME_STEPS
 from scripts.hdl import conversion, coverage, mpdcc_rows, mptc_drive_loop, netlist_check
-from scripts.hdl.mptc_simulation import FAMILY_METHODS
+from scripts.hdl.mptc_job import FAMILY_METHODS
 from scripts.shared.tools import Generics, ToolError
 from scripts.studies.coverage import boards
 from scripts.studies.torture import blocks

@@ -22,7 +22,7 @@ from directmpc.mptc.sequence import TIME_STEPS, VectorSequence, segments
 from directmpc.mptc.trace import IntArray
 from scripts.generate import register_files
 from scripts.hdl.clocks import clocks_of
-from scripts.hdl.mptc_simulation import FAMILY_METHODS
+from scripts.hdl.mptc_job import FAMILY_METHODS
 from tb.helpers import mptc_pairs
 from tb.helpers import mptc_rows as rows
 from tb.helpers.scoreboard import Scoreboard, arguments, bits, number

@@ -13,7 +13,7 @@ from directmpc.mptc import formats as f
 from directmpc.mptc import program
 from directmpc.mptc.inverter import COMMUTATIONS, ZERO_FROM
 from directmpc.mptc.sequence import TIME_STEPS
-from scripts.hdl.mptc_simulation import FAMILY_METHODS
+from scripts.hdl.mptc_job import FAMILY_METHODS
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number, signed
 
 MPFC2, MPFC3, MPC2, SVM = (FAMILY_METHODS[name] for name in ("MPFC2", "MPFC3", "MPC2", "SVM"))

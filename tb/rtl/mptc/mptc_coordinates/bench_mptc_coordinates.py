@@ -10,7 +10,7 @@ import cocotb
 from directmpc.mptc import formats as f
 from directmpc.mptc import program
 from directmpc.mptc.sequence import TIME_STEPS
-from scripts.hdl.mptc_simulation import FAMILY_METHODS
+from scripts.hdl.mptc_job import FAMILY_METHODS
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number, signed, word
 
 MPFC2, MPFC3, MPC2, SVM = (FAMILY_METHODS[name] for name in ("MPFC2", "MPFC3", "MPC2", "SVM"))

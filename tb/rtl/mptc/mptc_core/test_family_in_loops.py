@@ -29,7 +29,7 @@ from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sequence import TIME_STEPS
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl.clocks import clocks_of
-from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job
+from scripts.hdl.mptc_job import FAMILY_METHODS, Job
 from scripts.shared.tools import ROOT
 from scripts.studies import paper_b as study
 from scripts.studies.mptc import PERIODS, RATED_FLUX

@@ -29,7 +29,7 @@ from scripts.hdl import conversion as netlist
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl import netlist_check
 from scripts.hdl.ghdl import CheckError
-from scripts.hdl.mptc_simulation import Job
+from scripts.hdl.mptc_job import Job
 from scripts.hdl.simulator import SimulationError
 from scripts.hdl.sources import RTL
 from tb.helpers import mptc_rows as core

@@ -28,7 +28,7 @@ from directmpc.mptc import cycles
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl.clocks import clocks_of
 from scripts.hdl.ghdl import CheckError
-from scripts.hdl.mptc_simulation import FAMILY_METHODS, Job
+from scripts.hdl.mptc_job import FAMILY_METHODS, Job
 from scripts.hdl.sources import RTL
 from tb.helpers import mptc_pairs
 from tb.helpers.faults import altered

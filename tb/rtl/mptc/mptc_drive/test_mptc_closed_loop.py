@@ -27,6 +27,7 @@ from directmpc.mptc.coefficients import registers
 from directmpc.mptc.plant import plant_parameters
 from directmpc.states import MptcState
 from scripts.hdl import mptc_drive_loop as rtl_loop
+from scripts.hdl import mptc_job
 from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl.simulator import SimulationError
 from tb.helpers import mptc_rows as core
@@ -96,13 +97,13 @@ def test_loop_in_ghdl_is_the_twins() -> None:
     scenario = closed_loop.constant(drive, 900.0, 7.0, 0.95, n)
     _, scales, lows, highs = bit_true.parameters(drive)
     values = registers(drive).array()
-    loop = rtl_simulation.Loop(
+    loop = mptc_job.Loop(
         plant_parameters(drive), scales, lows, highs, drive.inverter.vdc, scenario.torque_ref,
         scenario.psi_ref, scenario.load, scenario.torque_ref, False, scenario.gains,
         scenario.current, scenario.flux, scenario.omega_r,
     )  # fmt: skip
     nothing = np.zeros((0, 8), dtype=np.int64)
-    job = rtl_simulation.Job(values, nothing, np.zeros(0, dtype=np.int64), loop=loop)
+    job = mptc_job.Job(values, nothing, np.zeros(0, dtype=np.int64), loop=loop)
     answer = rtl_simulation.simulate(job)
     wanted = closed_loop.simulate(drive, scenario)
     np.testing.assert_array_equal(answer["decisions"][:, 0], wanted.u)

@@ -12,7 +12,7 @@ from directmpc.mptc import bit_true_hexagon as twin
 from directmpc.mptc import formats as f
 from directmpc.mptc import program
 from directmpc.mptc.sequence import TIME_STEPS, VectorSequence, is_active, last_active_of, last_of
-from scripts.hdl.mptc_simulation import FAMILY_METHODS
+from scripts.hdl.mptc_job import FAMILY_METHODS
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number, signed
 from tb.rtl.mptc.mptc_choices.bench_mptc_choices import Choice, Task
 from tb.rtl.mptc.mptc_coordinates.bench_mptc_coordinates import (

@@ -13,7 +13,7 @@ from directmpc.mptc import program
 from directmpc.mptc.bit_true import VECTOR_ALPHA, VECTOR_BETA
 from directmpc.mptc.inverter import ZERO_FROM
 from directmpc.mptc.sequence import TIME_STEPS
-from scripts.hdl.mptc_simulation import FAMILY_METHODS
+from scripts.hdl.mptc_job import FAMILY_METHODS
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, bits, number, signed
 
 NONE = 0

@@ -11,7 +11,7 @@ import cocotb
 
 from directmpc.mptc import cycles
 from directmpc.mptc import program as p
-from scripts.hdl.mptc_simulation import FAMILY_METHODS
+from scripts.hdl.mptc_job import FAMILY_METHODS
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number
 
 RULES = ("deadbeat", "mean", "best")

@@ -16,7 +16,7 @@ import pytest
 
 from directmpc.mptc import bit_true
 from directmpc.mptc.inverter import STATES
-from scripts.hdl.mptc_simulation import FAMILY_METHODS
+from scripts.hdl.mptc_job import FAMILY_METHODS
 from tb.helpers import mptc_rows as core
 from tb.helpers.faults import altered
 from tb.helpers.mptc_pairs import PairRows

@@ -43,9 +43,9 @@ class Rig:
     async def begin(self) -> None:
         """Known values, the clock, a reset."""
         quiet = (
-            "begins busy decided deadlock saturated tripped step_words awaddr araddr wdata m_awvalid "
-            "m_wvalid m_bready m_arvalid s_awready s_wready s_bvalid s_bresp s_arready s_rvalid "
-            "s_rdata s_rresp"
+            "begins busy decided deadlock saturated tripped step_words awaddr araddr wdata "
+            "m_awvalid m_wvalid m_bready m_arvalid s_awready s_wready s_bvalid s_bresp s_arready "
+            "s_rvalid s_rdata s_rresp"
         )
         for name in quiet.split():
             getattr(self.dut, name).value = 0
