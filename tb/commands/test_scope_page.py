@@ -35,11 +35,6 @@ from scripts.shared.tools import ROOT
 BROWSER = next(
     (p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), None
 )
-if BROWSER is None:
-    pytest.skip("there is no Chromium: apt install chromium", allow_module_level=True)
-playwright = pytest.importorskip(
-    "playwright.sync_api", reason="pip install -r requirements-browser.txt brings the driver"
-)
 
 STEPS = 1200
 #: How many colours each canvas has.
@@ -64,7 +59,12 @@ PATIENCE = 60_000
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    """A browser without a screen."""
+    """A browser without a screen; skipped where there is none, or no driver for it."""
+    if BROWSER is None:
+        pytest.skip("there is no Chromium: apt install chromium")
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="pip install -r requirements-browser.txt brings the driver"
+    )
     with playwright.sync_playwright() as driver:
         one = driver.chromium.launch(
             executable_path=BROWSER, args=["--no-sandbox", "--js-flags=--expose-gc"]
