@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from directmpc.mptc import closed_loop, cycles
+from directmpc.mptc.trace import Sequences
 from scripts.measure import budgets
 from scripts.publish import mptc_report as report
 from scripts.publish.reporting import ReportError
@@ -118,15 +119,15 @@ def test_distortion_is_taken_at_the_frequency_of_the_flux() -> None:
         run.trace, i_s=4.0 * vector, psi_s=0.9 * vector, u=np.zeros(n, dtype=np.int64)
     )  # a clean sine, 0.01 Hz from where the speed would have it
     nothing = np.zeros(n)
+    zero = Sequences(np.zeros((n, 3), dtype=np.int64), np.zeros((n, 2)))
     clean = replace(
         run,
         trace=trace,
-        current=4.0 * turning,
-        u=trace.u,
-        shadow=trace.u,
+        current_inside=4.0 * turning,
+        decided=zero,
+        wanted=zero,
         torque=nothing,
         flux=nothing,
-        margin=nothing,
     )
     assert study.figures(clean)["thd_pct"] < 0.01
     assert abs(study.figures(clean)["fundamental_hz"] - 4.99) < 1e-6

@@ -138,7 +138,8 @@ def check_facts(board: Board, chosen: Generics) -> None:
         for option in ("family", "sensorless"):
             assert built[option] == chosen.get(option.upper(), False)
     assert built["least_dead_time"] == -(-400 * int(chosen["CLOCK_HZ"]) // 10**9)  # 400 ns
-    assert not any(board.read("system.status").values())
+    status = board.read("system.status")
+    assert [name for name, value in status.items() if value] == ["in_force"]
     assert board.read("system.gates")["gates"] == 0
 
 
