@@ -54,8 +54,10 @@ READ = {
     "netlist-check": {"ports", "vectors"},
     "new-drive": {"file"},  # what it may be is stricter: test_new_drive.py
     "newcomer": {"log"},
+    "release": {"key"},
     "replay": {"drive", "trace"},
     "run": {"drive"},
+    "scope": {"decisions"},
     "sources": {"rtl", "relative_to"},
     "virtual-board": {"port"},  # a link that it makes
 }

@@ -53,7 +53,7 @@ OWN = (
 #: Files that commands of the pages write.
 WRITTEN = {
     "board.csv", "check.json", "check.xml", "decisions.csv", "drive.h", "gates.csv", "mine.json",
-    "my_drive.toml", "my_two_level_drive.toml", "own_top.v",
+    "my_drive.toml", "my_two_level_drive.toml", "own_top.v", "rig.csv",
 }  # fmt: skip
 
 #: Programs beside those of the project.
@@ -201,6 +201,8 @@ def _python(arguments: Call) -> None:
             _accepts(module.COMMAND.main, rest, f"python -m scripts {name}")
         case ["-m", "directmpc.host", *rest]:
             _accepts(host, rest, "python -m directmpc.host")
+        case ["-m", "pip", "install", *_, "--require-hashes", "-r", file]:
+            assert (ROOT / file).is_file(), file
         case ["-m", "pytest", *_]:
             pass  # make test, which tb/tools/test_makefile.py looks at
         case ["-m", "dask", "scheduler" | "worker", *_]:
