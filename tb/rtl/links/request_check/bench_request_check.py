@@ -30,7 +30,7 @@ POSITION = 2**p.COUNT_PLACE - 1
 
 
 @cache
-def rules_of(controller: Controller, controls: int, recorder: bool) -> LinkModel:
+def rules_of(controller: Controller, controls: int, recorder: bool = False) -> LinkModel:
     """The protocol's rules for a link that is in control, or is not."""
     identity = Identity(p.VERSION, controller, 0, 2 * controls, 0, 1, 1)
     nothing = (lambda _: (0, 0), lambda *_: 0, lambda _: None)
