@@ -414,7 +414,7 @@ def test_states_that_cannot_be() -> None:
     ):
         with pytest.raises(StateError, match=word.replace("+", r"\+")):
             MptcState(*usual, applied)
-    with pytest.raises(StateError, match="one vector a period"):
+    with pytest.raises(StateError, match="MPTC applies one vector"):
         decide(core.shipped("induction_2kw2"), MptcState(*usual, (1, 2, 3, 0.1, 0.2)))
 
 
