@@ -41,6 +41,7 @@ OTHER = {
     ("docs/hil.md", "python"): "tb/model/test_examples.py",
     ("docs/outer-loop.md", "python"): "tb/model/test_examples.py",
     ("docs/processor.md", "c"): "below",
+    ("docs/recorder.md", "python"): "tb/rtl/boards/test_recorder_board.py",
     ("docs/replay.md", "csv"): "below",
     ("docs/using-the-core.md", "vhdl"): "below",
     ("docs/using-the-core.md", "yaml"): "tb/tools/test_fusesoc_cores.py",
