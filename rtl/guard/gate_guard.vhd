@@ -16,10 +16,11 @@
 -- Protocol: positions are at the ports one clock before decided; in the clock of decided they may change again.
 -- Positions taken are those that the gates have, or move to: a move that waits has not begun. They are right while
 -- running, from two clocks after the first decision on.
--- Latency: gates begin to move two clocks after decided.  Gates at the rails are off one clock (10 ns at 100 MHz)
--- after external_trip, driver_fault, upset, decided for an illegal decision, a lapse of time or enable = '0' is at the
--- ports, and four clocks (40 ns) after measured brings a value beyond its limit.  All gates of ANPC legs are off 3 dead
--- times later at most, those of two-level legs with the first ones.  All gates are off one clock after rst.
+-- Latency: gates begin to move two clocks after decided. Gates at the rails are off one clock (10 ns at 100 MHz)
+-- after external_trip, driver_fault, upset, decided for an illegal decision, a lapse of time or enable = '0' is at
+-- the ports, and four clocks (40 ns at 100 MHz) after measured brings a value beyond its limit. All gates of ANPC
+-- legs are off 3 dead times later at most, those of two-level legs with the first ones. All gates are off one
+-- clock after rst.
 -- Overflow: none.
 -- Considered and rejected: docs/alternatives.md.
 -- Licence: Apache-2.0
