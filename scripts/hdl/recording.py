@@ -76,7 +76,7 @@ def bench(text: str, entity: str, clocks: Sequence[Mapping[str, int]]) -> str:
     kinds: dict[str, str] = {}
     signals = []
     for line in port.split(";"):
-        row = re.match(r"\s*(\w+)\s*:\s*(in|out)\s+(.*\S)\s*$", line, re.S)
+        row = re.match(r"\s*(\w+)\s*:\s*(in|out)\s+(.*?\S)\s*(?::=.*)?$", line, re.S)
         if row is None or not row[3].startswith("std_logic"):
             raise RecordingError(f"{entity}: no flat port: {line.strip()}")
         kinds[row[1]] = "std_logic" if row[3] == "std_logic" else "vector"

@@ -316,6 +316,10 @@ def _behind(code: list[str], place: int) -> int:
     return place
 
 
+#: What may stand around a formal: its port is inside.
+_CONVERSIONS = ("signed", "unsigned", "std_logic_vector")
+
+
 def _associations(tokens: list[str]) -> Iterator[tuple[str, list[str]]]:
     """Formal and actual of each element of a port map."""
     element: list[str] = []
@@ -323,7 +327,8 @@ def _associations(tokens: list[str]) -> Iterator[tuple[str, list[str]]]:
     for token in [*tokens, ","]:
         if token == "," and depth == 0:
             arrow = element.index("=>")
-            yield element[0].lower(), element[arrow + 1 :]
+            converted = arrow == 4 and element[0].lower() in _CONVERSIONS
+            yield element[2 if converted else 0].lower(), element[arrow + 1 :]
             element = []
             continue
         depth += {"(": 1, ")": -1}.get(token, 0)
