@@ -20,7 +20,7 @@ from tb.helpers.faults import Fault, assert_seen
 from tb.helpers.simulation import Outcome, run
 
 
-def bench(rtl: Path = RTL, controller: str = "mpdcc", seed: int = 1, sessions: int = 24) -> Outcome:
+def bench(rtl: Path = RTL, controller: str = "mpdcc", seed: int = 1, sessions: int = 72) -> Outcome:
     inputs, results = recorder.words(controller)
     return run(
         "recorder",
