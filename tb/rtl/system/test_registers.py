@@ -53,6 +53,11 @@ def ports_of(entity: str) -> dict[str, int]:
     return {name: int(widths[b]) if b in widths else int(b) + 1 for name, b in high.items()}
 
 
+@pytest.mark.parametrize("path", DRIVES, ids=lambda path: path.stem)
+def test_every_shipped_drive_can_be_started(path: Path) -> None:
+    assert load_drive(path).missing() == []
+
+
 @pytest.mark.parametrize("controller", register_files.CONTROLLERS)
 def test_every_port_has_a_register_of_its_width(controller: str) -> None:
     ports = ports_of(f"{controller}_core")
