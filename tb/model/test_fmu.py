@@ -448,7 +448,7 @@ def test_a_loop_is_ghdls(name: str, method: str | None, tmp_path: Path) -> None:
     design = variables.system_of(drive)
     native.write([design])
     path = write_controller(drive, tmp_path / "core.fmu", windows=False)
-    loop, steps, period = Loop(path, drive), 24, round(drive.control.ts * CLOCK)
+    loop, steps, period = Loop(path, drive), 40, round(drive.control.ts * CLOCK)
     if isinstance(drive, Drive):  # gates come on at position 0, from where no phase goes far
         profile = closed_loop.constant_profile(drive, closed_loop.OperatingPoint(1.0), steps)
         closed_loop.drive_controller(drive, loop, profile, steps, checked=False, filtered=False)
