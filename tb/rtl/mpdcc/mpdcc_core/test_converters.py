@@ -25,6 +25,8 @@ from directmpc.mpdcc.variants import VARIANTS
 from scripts.hdl import converter_package
 from scripts.hdl import mpdcc_rows as core
 from scripts.hdl.mpdcc_rows import Rows
+from scripts.measure import synth
+from scripts.shared.tools import ROOT
 
 MOST_CLOCKS = 80
 
@@ -104,3 +106,12 @@ def test_the_usual_design_is_the_checked_in_one() -> None:
     assert converter_package.rtl_of(tables.DEFAULT) == converter_package.RTL
     text = converter_package.PACKAGE.read_text(encoding="utf-8")
     assert text == converter_package.text()
+
+
+@pytest.mark.parametrize("name", ["anpc5l", "npc3l"])
+def test_the_page_has_what_a_core_takes(name: str) -> None:
+    (one,) = synth.chosen(["mpdcc_core-explorers_1-folded_false"])
+    found = synth.measure(one.entity, one.generics, "xc3s", rtl=converter_package.rtl_of(name))
+    figures = [f"{found[k]:,}" for k in ("lut", "ff", "slices_unpacked", "mult", "bram")]
+    page = (ROOT / "docs" / "converters.md").read_text(encoding="utf-8")
+    assert f"| `{name}` | {' | '.join(figures)} | " in page
