@@ -17,7 +17,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--starts", type=int, default=kbest.STARTS)
     parser.add_argument("--anew", action="store_true", help="run what the file has already, too")
     parser.add_argument("--out", type=Path, default=kbest.REPORT, help="file of the runs")
-    parser.add_argument("--page", type=Path, default=pwm.PAGE, help="page of the table")
+    parser.add_argument("--page", type=Path, default=kbest.PAGE, help="page of the table")
     parser.add_argument("--picture", type=Path, default=kbest.PICTURE, help="picture (PNG)")
 
 

@@ -212,7 +212,7 @@ With two_switchings (SESE, SECOND_LEVEL) a search takes at most 3470, 1928, 1755
 explorers and 1191 with more; compensate adds 30 clocks to a hold and 33 to a search.
 Where no candidate stays inside its bounds the decision is the candidate of the least largest
 excess at k+1.  With deadlock_rule (WEIGHTED_DEADLOCK) the excess of v_n counts eight times and a
-sixteenth of the currents' largest is added, see step_one and docs/deadlocks.md.  It takes no
+sixteenth of the currents' largest is added, see step_one and docs/settings.md.  It takes no
 clock more.
 What is outside its bound at k makes a candidate dead.  With outside_inwards (INWARDS) it is
 followed while it comes back, see docs/specification.md, section 2.4.  It takes no clock more.

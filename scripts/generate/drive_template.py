@@ -101,7 +101,7 @@ _FIVE_LEVEL = _GUARD | {
     "control.delay_compensation": "true if a decision takes effect one control period after "
     "its measurement.",
     "control.capacitor_filter": "Filters of the measured capacitor voltages: a measurement "
-    "counts 2^-q of itself. 4 where they are noisy, 0 for none: docs/robustness.md.",
+    "counts 2^-q of itself. 4 where they are noisy, 0 for none: docs/settings.md.",
 }
 
 MEANINGS = {
@@ -115,16 +115,16 @@ MEANINGS = {
         "control.lambda_n": "Weight of the neutral point at the end of a trajectory, 1/pu^2.",
         "control.horizon": "Longest trajectory that is looked at, control periods.",
         "control.switching_horizon": '"SESE" looks two switchings ahead and switches less often. '
-        "It takes longer: docs/sese.md.",
+        "It takes longer: docs/settings.md.",
         "control.budget": 'Most candidates of the second level, 0: no limit. Only "SESE" has one. '
-        "400 keep one explorer in time at 25 MHz and cost no switchings: docs/sese.md.",
+        "400 keep one explorer in time at 25 MHz and cost no switchings: docs/settings.md.",
         "control.deadlock_rule": 'What is chosen where nothing stays inside. "weighted" ends most '
-        "deadlocks at low speed: docs/deadlocks.md.",
+        "deadlocks at low speed: docs/settings.md.",
         "control.outside_rule": 'What a variable outside its bound means. "inwards" saves '
         'switchings where measurements are noisy; "dead" where they are exact: '
-        "docs/robustness.md.",
+        "docs/settings.md.",
         "control.leakage_estimate": "true if the leakage is not known well or saturates: an "
-        "estimate scales the prediction of the currents: docs/robustness.md.",
+        "estimate scales the prediction of the currents: docs/settings.md.",
         "control.extrapolation": "L of the paper variant's straight line, control periods; without "
         "effect on the fast variant: docs/evidence.md.",
         "control.correction": "p of the paper variant's straight line; without effect on the fast "

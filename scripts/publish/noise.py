@@ -1,4 +1,4 @@
-"""The picture of docs/robustness.md, from reports/robustness.csv alone."""
+"""The picture of reports/robustness.md, from reports/robustness.csv alone."""
 
 from __future__ import annotations
 

@@ -604,8 +604,8 @@ def _over_the_bounds(document: dict[str, Any]) -> str:
         f"{len(BOUNDS)} bounds of {BOUNDS[0]:g} to {BOUNDS[-1]:g} pu, {pairs.SEEDS} starts of "
         f"{pairs.STEPS:,} steps at each. Compared are the means of model and ideal controller at a "
         "point, each in loops of its own; the row has the largest difference of all points. "
-        "[bounds.md](bounds.md#beside-the-paper) is another study: the 6 kV drive alone, "
-        f"{len(bounds.BOUNDS)} bounds of {bounds.BOUNDS[0]:g} to {bounds.BOUNDS[-1]:g} pu, "
+        "[bounds.md](../reports/bounds.md#beside-the-paper) is another study: the 6 kV drive "
+        f"alone, {len(bounds.BOUNDS)} bounds of {bounds.BOUNDS[0]:g} to {bounds.BOUNDS[-1]:g} pu, "
         f"{bounds.STARTS} starts of {bounds.STEPS:,} steps. It finds: {'; '.join(found)}."
     )
 

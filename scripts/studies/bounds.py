@@ -5,7 +5,7 @@ the ideal controller and with the bit-true models of both variants, for ten boun
 
 * ``reports/bounds.csv``: one row for each bound, controller and deadlock rule,
 * ``reports/bounds.png``: the picture,
-* the tables of ``docs/bounds.md``.
+* the tables of ``reports/bounds.md``.
 
 The simulated RTL decides anew on rows of each of the variants' loops; what differs is counted.
 """
@@ -59,7 +59,7 @@ PAPER_FSW, PAPER_THD = 8.0, 2.0
 
 REPORT = ROOT / "reports" / "bounds.csv"
 PICTURE = ROOT / "reports" / "bounds.png"
-PAGE = ROOT / "docs" / "bounds.md"
+PAGE = ROOT / "reports" / "bounds.md"
 BEGIN = "<!-- {}: begin (written by python -m scripts bounds) -->"
 END = "<!-- {}: end -->"
 COLUMNS = (

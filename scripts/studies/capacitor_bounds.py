@@ -1,7 +1,7 @@
 """What bounds of the capacitors cost and save: closed loops with the rules that ship.
 
 ``python -m scripts pwm`` runs them after its own and writes ``reports/capacitor_bounds.csv``, one
-row per loop, and a table of ``docs/pwm.md``. The shipped drives have their bounds from here.
+row per loop, and a table of ``reports/pwm.md``. The shipped drives have their bounds from here.
 
 The fast variant's bit-true model decides, with the weighted deadlock rule, the rule "inwards",
 capacitor filters, SESE's budget and one step of delay, as the shipped drives have them.

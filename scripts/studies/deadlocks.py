@@ -5,7 +5,7 @@ bit-true model (`scripts.studies.deadlock_rules`, by default Paper A's rule) and
 
 * ``reports/deadlocks.csv``: one row per closed loop,
 * ``reports/deadlock_steps.csv``: what is outside, for how long, what could be chosen,
-* ``reports/deadlocks.md``: every table; `docs/deadlocks.md` shows a part of them,
+* ``reports/deadlocks.md``: every table; `docs/settings.md` shows a part of them,
 * ``reports/deadlocks.png``: one deadlock in the time domain, and THD and f_sw over the speed.
 
 The loops are the models'. The RTL has Paper A's rule and the recommended one; its netlist
@@ -42,7 +42,7 @@ from scripts.studies.deadlock_rules import ONE, Rule
 from scripts.studies.fidelity.decisions import EXPLORERS, FidelityError
 from scripts.studies.horizon import REPORTS, SETTLE, STEPS, Setting, interval
 
-PAGE = ROOT / "docs" / "deadlocks.md"
+PAGE = ROOT / "docs" / "settings.md"
 BEGIN = "<!-- {}: begin (written by python -m scripts deadlocks) -->"
 END = "<!-- {}: end -->"
 
@@ -528,14 +528,7 @@ SECTIONS = {
 }
 
 #: Rules that the page shows; the report has all of them.
-SHOWN = {
-    "low speeds": (
-        LARGEST, "ties by current", "relative to bounds, ties by current", RECOMMENDED,
-        "sum of squares", "inward admissible, v_n x 8, 1/16 of current", "excess at k + 4",
-        "lambda_n = 100",
-    ),
-    "high speeds": (LARGEST, RECOMMENDED, "lambda_n = 100", "bound_vph = 0.12"),
-}  # fmt: skip
+SHOWN = (LARGEST, RECOMMENDED)
 
 
 def draw_stored(drive: Path, out: Path = REPORTS) -> None:
@@ -556,15 +549,15 @@ def page(text: str, report: str) -> str:
         if len(found) != 1:
             raise ValueError(f"reports/deadlocks.md: '{heading}' stands there {len(found)} times")
         lines = found[0].split("\n")
-        if name in SHOWN:
-            shown = tuple(f"| {rule} | {horizon} |" for rule in SHOWN[name] for horizon in HORIZONS)
+        if name != "rtl":
+            shown = tuple(f"| {rule} | {horizon} |" for rule in SHOWN for horizon in HORIZONS)
             lines = lines[:2] + [line for line in lines[2:] if line.startswith(shown)]
         text = tables.between(text, "\n".join(lines), BEGIN.format(name), END.format(name))
     return text
 
 
 def write_page(report: str) -> None:
-    """Bring the tables of `docs/deadlocks.md` up to date."""
+    """Bring the tables of `docs/settings.md` up to date."""
     tools.write(PAGE, page(PAGE.read_text(encoding="utf-8"), report))
 
 
@@ -580,7 +573,7 @@ def _read(path: Path) -> list[dict[str, Any]]:
 
 
 def _intervals(base: Drive, starts: int, steps: int, pool: Pool) -> str:
-    """How many starts narrow the interval of SESE's saving in `docs/sese.md`, as Markdown."""
+    """How many starts narrow the interval of SESE's saving in `docs/settings.md`, as Markdown."""
     shown = []
     speeds = horizon_study.COMPARED
     settings = [

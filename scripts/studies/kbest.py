@@ -48,6 +48,7 @@ STARTS = 2
 
 TITLES = {"PWM": "PWM", "SE": "SE", "SESE": "SESE", "K8": "K-best, 8", "K16": "K-best, 16"}
 REPORT = ROOT / "reports" / "kbest.csv"
+PAGE = ROOT / "docs" / "pwm.md"
 PICTURE = ROOT / "reports" / "kbest.png"
 BEGIN = "<!-- kbest: begin (written by python -m scripts kbest) -->"
 END = "<!-- kbest: end -->"

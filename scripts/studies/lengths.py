@@ -7,7 +7,7 @@ ideal controller says how long the chosen candidate stays there; the difference 
 is counted. The RTL has the model's lengths, bit for bit.
 
 ``python -m scripts lengths`` writes reports/lengths.csv, the picture and the table of
-docs/bounds.md.
+reports/bounds.md.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Random drives like the 2.2 kW one hold a torque at an imposed speed, on the flux of the bit-true
 observer. Each drive runs without an error first; every other loop of it is compared with that one.
 ``python -m scripts robustness`` writes ``reports/mptc_robustness.csv``, a row per closed loop, and
-a table of ``docs/robustness.md``. Rows that the file has are not run again.
+a table of ``reports/robustness.md``. Rows that the file has are not run again.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 ``python -m scripts pwm`` runs the modulator of `pwm_modulator` and MPDCC's bit-true model on both
 shipped drives, writes ``reports/pwm.csv``, one row per run, and from it the tables of
-``docs/pwm.md`` and ``reports/pwm.png``. A row that the file has already is not run again, so that a
-study that was stopped goes on where it was; ``--anew`` begins at the first.
+``reports/pwm.md`` and ``reports/pwm.png``. A row that the file has is not run again, so that
+a study that was stopped goes on where it was; ``--anew`` begins at the first.
 
 THD, switchings and capacitor voltages are measured alike for both. The deadlock rule of MPDCC is
 the weighted one.
@@ -54,7 +54,7 @@ PERIODS, SETTLE_PERIODS = 30, 15
 
 REPORT = ROOT / "reports" / "pwm.csv"
 PICTURE = ROOT / "reports" / "pwm.png"
-PAGE = ROOT / "docs" / "pwm.md"
+PAGE = ROOT / "reports" / "pwm.md"
 BEGIN = "<!-- {}: begin (written by python -m scripts pwm) -->"
 END = "<!-- {}: end -->"
 

@@ -2,8 +2,8 @@
 
 ``python -m scripts robustness`` runs both shipped drives and random ones, decides with the fast
 variant's bit-true model, and writes ``reports/robustness.csv``, one row per closed loop, and the
-tables of ``docs/robustness.md``. A row that the file has already is not run again, so that a study
-that was stopped goes on where it was; ``--anew`` begins at the first.
+tables of ``reports/robustness.md``. A row that the file has already is not run again, so that a
+study that was stopped goes on where it was; ``--anew`` begins at the first.
 
 One step of delay is compensated and the deadlock rule is the weighted one in every loop.
 
@@ -107,7 +107,7 @@ SPREAD = (0.8, 1.2)
 #: and filters.
 RANDOM_KNOWS = (KNOWN, GIVEN, THETA, OBSERVER)
 REPORT = ROOT / "reports" / "robustness.csv"
-PAGE = ROOT / "docs" / "robustness.md"
+PAGE = ROOT / "reports" / "robustness.md"
 BEGIN = "<!-- {}: begin (written by python -m scripts robustness) -->"
 END = "<!-- {}: end -->"
 

@@ -64,7 +64,7 @@ EXCESS = 0.1
 """Share of a bound by which it has to be exceeded for an excess that counts."""
 
 NOISE_FILTER, HIGH_NOISE_FILTER = 4, 5
-"""Advised `capacitor_filter`, and that from `HIGH_NOISE` on: see docs/robustness.md."""
+"""Advised `capacitor_filter`, and that from `HIGH_NOISE` on: see docs/settings.md."""
 
 HIGH_NOISE = 2 * robustness.NOISE_VOLTAGE
 """Rms of the noise of the capacitor voltages from which on it is high, per unit."""
@@ -236,13 +236,13 @@ def advice(run: Run) -> str:
         q = HIGH_NOISE_FILTER if noise >= HIGH_NOISE else NOISE_FILTER
         said.append(
             f"the capacitor voltages are noisy; control.capacitor_filter = {q} filters them: "
-            "docs/robustness.md"
+            "docs/settings.md"
         )
     factor = run.factors.get("leakage", 1.0)
     if factor != 1.0 and run.variant == "fast" and not run.drive.control.leakage_estimate:
         said.append(
             f"the machine's leakage is {factor:g} times the controller's; "
-            "control.leakage_estimate = true estimates it: docs/robustness.md"
+            "control.leakage_estimate = true estimates it: docs/settings.md"
         )
     return ". ".join(one for one in said if one)
 
@@ -267,7 +267,7 @@ def _of_deadlocks(run: Run) -> str:
     if control.deadlock_rule == "largest":
         where = "" if run.variant == "fast" else " in the fast variant"
         key = 'control.deadlock_rule = "weighted"'
-        return f"{seen}; {key} ends most deadlocks{where}: docs/deadlocks.md"
+        return f"{seen}; {key} ends most deadlocks{where}: docs/settings.md"
     # what is measured outside its bound at the start makes every candidate dead
     rows = result.seen
     errors = (rows.iref - rows.x_m[:, :2]) @ CLARKE_INVERSE.T
@@ -278,13 +278,13 @@ def _of_deadlocks(run: Run) -> str:
         key = 'control.outside_rule = "inwards"'
         return (
             f"{seen}, and most deadlocks begin with a measurement outside its bound; {key} ends "
-            "those: docs/robustness.md"
+            "those: docs/settings.md"
         )
     if control.switching_horizon == "SE":
-        return f'{seen}; control.switching_horizon = "SESE" avoids many: docs/sese.md'
+        return f'{seen}; control.switching_horizon = "SESE" avoids many: docs/settings.md'
     worst = int(np.argmax(metrics.bound_violations(result, bounds) / bounds))
     key = ("bound_current",) * 3 + ("bound_vn",) + ("bound_vph",) * 3
-    return f"{seen}; a wider control.{key[worst]} leaves more room: docs/deadlocks.md"
+    return f"{seen}; a wider control.{key[worst]} leaves more room: docs/settings.md"
 
 
 def outcome(run: Run) -> Table:

@@ -30,7 +30,6 @@ from scripts.shared.tools import ROOT
 
 BLOCK = re.compile(r"^ *```([^\n]*)\n(.*?)^ *```$", re.M | re.S)
 PYTHON = ("docs/library.md",)
-SETTINGS = ("docs/deadlocks.md", "docs/pwm.md", "docs/robustness.md", "docs/sese.md")
 #: Blocks of other tests and kinds: page and language, and what runs or checks it.
 OTHER = {
     ("README.md", "python"): "below",
@@ -67,10 +66,10 @@ def test_python_of_a_page_runs(
         assert float(capsys.readouterr().out.split()[0]) > 0.0
 
 
-@pytest.mark.parametrize("name", SETTINGS)
-def test_settings_of_a_page_are_valid(name: str) -> None:
-    assert blocks(name, "toml")
-    for code in blocks(name, "toml"):
+def test_settings_of_the_page_are_valid() -> None:
+    found = blocks("docs/settings.md", "toml")
+    assert found
+    for code in found:
         given = tomllib.loads(code)["control"]
         assert given
         drive = load_drive("anpc5l_6kv").with_control(**given)
@@ -206,7 +205,7 @@ def test_every_block_says_its_language() -> None:
 
 
 def test_no_block_is_left_out() -> None:
-    run = {(page, "python") for page in PYTHON} | {(page, "toml") for page in SETTINGS}
+    run = {(page, "python") for page in PYTHON} | {("docs/settings.md", "toml")}
     commands = {(page, language) for page, language in found() if language == "sh"}
     assert len(commands) > 15
     assert found() == run | commands | set(OTHER)

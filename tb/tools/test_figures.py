@@ -93,9 +93,10 @@ def of_bounds(page: Path) -> None:
     tables.rewrite(page, texts)
 
 
-def of_deadlocks(page: Path) -> None:
+def of_settings(page: Path) -> None:
     stored = (REPORTS / "deadlocks.md").read_text(encoding="utf-8")
     page.write_text(deadlocks.page(page.read_text("utf-8"), stored), encoding="utf-8")
+    horizon.write_page(page=page)
 
 
 def of_pwm(page: Path) -> None:
@@ -105,6 +106,9 @@ def of_pwm(page: Path) -> None:
         page, {(pwm.BEGIN.format(n), pwm.END.format(n)): make(stored) for n, make in made.items()}
     )
     capacitor_bounds.publish(capacitor_bounds.read(), page)
+
+
+def of_kbest(page: Path) -> None:
     found = rows.read(kbest.REPORT, kbest.Setting, kbest.FIGURES)
     tables.rewrite(page, {(kbest.BEGIN, kbest.END): kbest.table(found)})
 
@@ -158,8 +162,6 @@ def protocol(page: Path) -> None:
 WRITERS: dict[str, Callable[[Path], None]] = {
     "README.md": readme,
     "reports/accuracy.md": accuracy,
-    "docs/bounds.md": of_bounds,
-    "docs/deadlocks.md": of_deadlocks,
     "docs/design-space.md": of_sweep,
     "docs/figures.md": figures,
     "docs/mptc.md": lambda page: of_mptc(page.parent, manual=page),
@@ -168,10 +170,12 @@ WRITERS: dict[str, Callable[[Path], None]] = {
     "reports/mptc.md": lambda page: of_mptc(page.parent, further=page),
     "reports/paper_b.md": lambda page: paper_b.write_texts(paper_b.stored(), page, reported=True),
     "docs/protocol.md": protocol,
-    "docs/pwm.md": of_pwm,
-    "docs/robustness.md": of_robustness,
+    "docs/pwm.md": of_kbest,
     "docs/sensorless.md": lambda page: sensorless.write_texts(sensorless.stored(), page),
-    "docs/sese.md": lambda page: horizon.write_page(page=page),
+    "docs/settings.md": of_settings,
+    "reports/bounds.md": of_bounds,
+    "reports/pwm.md": of_pwm,
+    "reports/robustness.md": of_robustness,
     **kept.PAGES,
 }
 
@@ -275,7 +279,7 @@ def pwm_rows(page: str, table: str) -> list[list[str]]:
 
 def ratios(column: int, speed: str) -> list[float]:
     """THD of a column beside that of PWM with real capacitors, at a speed."""
-    found = pwm_rows(pages()["docs/pwm.md"], "equal")
+    found = pwm_rows(pages()["reports/pwm.md"], "equal")
     return [
         float(row[column]) / float(row[4])
         for row in found
@@ -451,17 +455,6 @@ def at_high_speed(case: str, figure: str = "fsw_hz") -> list[float]:
     ]
 
 
-def sign(case: str) -> str:
-    """Mean v_n in deadlocks at 0.2 and 0.3 pu, of the starts that rules are chosen by."""
-    found = tables.numbers(tables.read_csv(REPORTS / "deadlocks.csv"), ["case", "horizon"])
-    values = [
-        row["vn_mean_in_deadlocks"]
-        for row in found
-        if row["case"] == case and row["speed"] < deadlocks.LOW and row["start"] < deadlocks.FRESH
-    ]
-    return f"{sum(values) / len(values):+.3f}"
-
-
 def in_steps(figure: str, low: bool = True, speed: float | None = None) -> list[float]:
     """Of deadlocks with the paper's rule, but for the point with four episodes."""
     return [
@@ -627,7 +620,7 @@ SAID: dict[str, list[Said]] = {
         ("it is {} and {}: this build fits", lambda: luts(
             (KIT_PAPER, "xc3s"), (KIT_PAPER, "xc7"))),
     ],
-    "docs/bounds.md": [
+    "reports/bounds.md": [
         ("the 6 kV drive alone, rated speed, bounds of {} to {} pu, means of eight starts of {}",
          lambda: (f"{bounds.BOUNDS[0]:.2f}", f"{bounds.BOUNDS[-1]:.2f}", f"{bounds.STEPS:,}")),
         ("switches with {} Hz as shipped at 0.10 pu, and with {} Hz in the first rows",
@@ -636,7 +629,7 @@ SAID: dict[str, list[Said]] = {
                        if (row["controller"], row["rule"], row["bound_pu"])
                        == ("ideal", rule, 0.10))),
     ],
-    "docs/deadlocks.md": [
+    "docs/settings.md": [
         ("With SE at 0.2 pu speed {} % of the searches end in a deadlock at a bound of 0.06 pu, "
          "{} % at 0.10 pu",
          lambda: tuple(f"{weighted('SE', '0.2', b):.0f}" for b in ("0.06", "0.1"))),
@@ -648,16 +641,12 @@ SAID: dict[str, list[Said]] = {
                   *span(at_low_speed("SESE", "deadlocks_pct"), ".0f"),
                   *span([one for h in ("SE", "SESE") for one in at_low_speed(h, "excess_vn_pu")],
                         ".2f"))),
-        ("In {} to {} % of the episodes",
-         lambda: span(in_steps("inside_at_start_pct"), ".0f")),
         ("v_n has the largest excess in {} to {} % of the steps",
          lambda: span(in_steps("worst_vn_pct"), ".0f")),
         ("only {} to {} % of the steps have such a candidate",
          lambda: span(in_steps("vn_and_current_pct"), ".0f")),
         ("{} to {} % of the deadlocks are such ties",
          lambda: span(in_steps("tied_pct") + in_steps("tied_pct", low=False), ".0f")),
-        ("is {} pu with the earliest and {} pu with the latest",
-         lambda: (sign(deadlocks.LARGEST), sign("ties to the latest"))),
         ("(SE with a bound of 0.06 pu: {} and {} % of the searches at 0.2 and 0.3 pu speed)",
          lambda: tuple(f"{weighted('SE', s, '0.06'):.0f}" for s in ("0.2", "0.3"))),
         ("v_ph still goes up to {} pu beyond its bound",
@@ -665,35 +654,6 @@ SAID: dict[str, list[Said]] = {
         ("SE's deadlocks fall by {} to {} % and SESE's by {} to {} %",
          lambda: (*span(fewer_deadlocks("SE"), ".0f"), *span(fewer_deadlocks("SESE"), ".0f"))),
         ("at most {} Spartan-3 slices", lambda: (most_of_the_rule(),)),
-    ],
-    "docs/pwm.md": [
-        ("SE has {} to {} times the THD of PWM with real capacitors, SESE {} to {} times",
-         lambda: (*span(ratios(7, "1")), *span(ratios(8, "1")))),
-        ("SESE is better or equal in {} points", lambda: (level(),)),
-        ("better in every point: {} to {} times the THD",
-         lambda: span(ratios(7, "0.6") + ratios(8, "0.6"))),
-        ("It moves the phase capacitors by {} to {} pu", lambda: span(swings(), ".2f")),
-        ("at rated speed and {} Hz 0.10 and 0.16 pu in place of 0.05 and 0.08 lower the THD of "
-         "SESE from {} to {} %",
-         lambda: (f"{wide()['fsw_hz']:.0f}", f"{wide()['sese_studied_thd_pct']:.1f}",
-                  f"{wide()['sese_same_thd_pct']:.1f}")),
-        ("With noise, the switching frequency changes as follows against bounds of 0.05 and 0.08 "
-         "pu: - Bounds of 0.08 and 0.12 pu switch {} to {} % less from 0.45 pu",
-         lambda: span([-one for one in of_bounds("0.08 / 0.12", low=False)], ".0f")),
-        ("at 0.2 and 0.3 pu the change is {} to {} %. - Bounds of 0.10 and",
-         lambda: span(of_bounds("0.08 / 0.12", low=True), "+.0f")),
-        ("0.10 and 0.16 pu switch {} to {} % less from 0.45 pu speed on; at 0.2 and 0.3 pu the "
-         "change is {} to {} %",
-         lambda: (*span([-one for one in of_bounds("0.1 / 0.16", low=False)], ".0f"),
-                  *span(of_bounds("0.1 / 0.16", low=True), "+.0f"))),
-        ("MPDCC has {} to {} times the THD of PWM at rated speed, and {} to {} times it",
-         lambda: (*span(ideal_ratios("1.0"), ".2f"), *span(ideal_ratios("0.6"), ".2f"))),
-    ],
-    "docs/gate-guard.md": [
-        ("ECP5: {} LUT and {} flip-flops (ANPC), {} and {} (two-level)",
-         lambda: (*of_an_ecp5("gate_guard"), *of_an_ecp5("gate_guard-five_level_false"))),
-    ],
-    "docs/robustness.md": [
         ('Noise with the rule `"dead"` raises the switching frequency by {} to {} %',
          lambda: span(shipped("noise 1, dead") + shipped("noise 2, dead"), ".0f")),
         ('The rule `"inwards"` alone removes {} to {} % of that rise, and {} to {} % of the '
@@ -723,8 +683,6 @@ SAID: dict[str, list[Said]] = {
         ("`mpdcc_core` takes {} slices more with `INWARDS` than without it, and `state_observer` "
          "{} more with `FILTERS` and `LEAKAGE` than without them",
          lambda: tuple(f"{one:g}" for one in as_options())),
-    ],
-    "docs/sese.md": [
         ("100 MHz, 50 us of control period | no budget is needed: at most {} clocks, {} us",
          lambda: clocks_and_time(0, 100)),
         ("`budget = 3100`: at most {} clocks, {} us", lambda: clocks_and_time(3100, 75)),
@@ -736,7 +694,33 @@ SAID: dict[str, list[Said]] = {
         ("`SECOND_LEVEL` costs {} Spartan-3 slices",
          lambda: (f"{slices(f'{ONE}second_level_true', PLAIN):,}",)),
     ],
-    "docs/mptc.md": [],
+    "docs/pwm.md": [
+        ("SE has {} to {} times the THD of PWM with real capacitors, SESE {} to {} times",
+         lambda: (*span(ratios(7, "1")), *span(ratios(8, "1")))),
+        ("SESE is better or equal in {} points", lambda: (level(),)),
+        ("better in every point: {} to {} times the THD",
+         lambda: span(ratios(7, "0.6") + ratios(8, "0.6"))),
+        ("It moves the phase capacitors by {} to {} pu", lambda: span(swings(), ".2f")),
+        ("at rated speed and {} Hz 0.10 and 0.16 pu in place of 0.05 and 0.08 lower the THD of "
+         "SESE from {} to {} %",
+         lambda: (f"{wide()['fsw_hz']:.0f}", f"{wide()['sese_studied_thd_pct']:.1f}",
+                  f"{wide()['sese_same_thd_pct']:.1f}")),
+        ("With noise, the switching frequency changes as follows against bounds of 0.05 and 0.08 "
+         "pu: - Bounds of 0.08 and 0.12 pu switch {} to {} % less from 0.45 pu",
+         lambda: span([-one for one in of_bounds("0.08 / 0.12", low=False)], ".0f")),
+        ("at 0.2 and 0.3 pu the change is {} to {} %. - Bounds of 0.10 and",
+         lambda: span(of_bounds("0.08 / 0.12", low=True), "+.0f")),
+        ("0.10 and 0.16 pu switch {} to {} % less from 0.45 pu speed on; at 0.2 and 0.3 pu the "
+         "change is {} to {} %",
+         lambda: (*span([-one for one in of_bounds("0.1 / 0.16", low=False)], ".0f"),
+                  *span(of_bounds("0.1 / 0.16", low=True), "+.0f"))),
+        ("MPDCC has {} to {} times the THD of PWM at rated speed, and {} to {} times it",
+         lambda: (*span(ideal_ratios("1.0"), ".2f"), *span(ideal_ratios("0.6"), ".2f"))),
+    ],
+    "docs/gate-guard.md": [
+        ("ECP5: {} LUT and {} flip-flops (ANPC), {} and {} (two-level)",
+         lambda: (*of_an_ecp5("gate_guard"), *of_an_ecp5("gate_guard-five_level_false"))),
+    ],
 }  # fmt: skip
 
 

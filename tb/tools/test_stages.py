@@ -217,7 +217,7 @@ def test_a_command_in_place_publishes_nothing(
 def test_every_study_has_its_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     found = report.studies(1)
     assert tuple(one.name for one in found) == report.STUDIES
-    # a sentence of docs/robustness.md has what these two find, and metrics.json their figures
+    # a sentence of docs/settings.md has what these two find, and metrics.json their figures
     untabled = {"noise-decisions", "random-decisions"}
     assert {one.name for one in found if not one.publish} == untabled
     keys = {one.name: one.key() for one in found}

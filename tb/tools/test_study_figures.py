@@ -23,7 +23,7 @@ POINTS = ("SE 1.0", "SE 0.6", "SESE 1.0", "SESE 0.6")
 
 def table(page: str, name: str) -> list[list[str]]:
     """Rows of a table between marks, without its head."""
-    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    text = (ROOT / page).read_text(encoding="utf-8")
     inside = text.partition(f"<!-- {name}: begin")[2].partition(f"<!-- {name}: end")[0]
     lines = [line.strip() for line in inside.splitlines() if line.startswith("| ")]
     return [
@@ -41,7 +41,7 @@ def test_a_section_is_what_the_file_gives(name: str) -> None:
 
 
 def test_robustness_against_another_machine() -> None:
-    found = table("robustness.md", "mismatch")
+    found = table("reports/robustness.md", "mismatch")
     assert len(found) == sum(
         how != robustness.KNOWN and plant != "same" for plant, how in robustness.MISMATCHES
     )
@@ -64,7 +64,7 @@ def _high(one: dict[str, float], form: str) -> str:
 
 def test_robustness_of_two_level_drives() -> None:
     two_level = METRICS["robustness"]["two_level"]["MPTC"]
-    found = table("robustness.md", "two-level")
+    found = table("reports/robustness.md", "two-level")
     assert len(found) == len(mptc_robustness.CASES) - 1
     for case, *cells in found:
         one = two_level[case]
@@ -89,14 +89,14 @@ def test_pwm() -> None:
                    "sese_studied_thd_pct", "pwm_ideal_thd_pct")),
         ("ideal", ("pwm_thd_pct", "se_thd_pct", "sese_thd_pct")),
     ):  # fmt: skip
-        for drive, speed, fsw, *cells in table("pwm.md", name):
+        for drive, speed, fsw, *cells in table("reports/pwm.md", name):
             (one,) = (
                 one
                 for one in _of_speed(section[name], drive, speed).values()
                 if f"{one['fsw_hz']:.0f}" == fsw
             )
             assert cells[-len(columns) :] == [_percent(one[column]) for column in columns]
-    for drive, speed, bound, *cells in table("pwm.md", "balance"):
+    for drive, speed, bound, *cells in table("reports/pwm.md", "balance"):
         by = _of_speed(section["balance"], drive, speed)
         one = {float(key): value for key, value in by.items()}[float(bound)]
         assert cells == [
@@ -105,14 +105,14 @@ def test_pwm() -> None:
             f"(THD {one[s]['thd_pct']:.1f} / {one[s]['thd_still_pct']:.1f} %)"
             for s in ("SE", "SESE")
         ]
-    page = (ROOT / "docs" / "pwm.md").read_text(encoding="utf-8")
+    page = (ROOT / "reports" / "pwm.md").read_text(encoding="utf-8")
     said = (f"{one['vn_pu']:.3f} / {one['vph_pu']:.3f} pu" for one in section["excess"].values())
     assert all(one in page for one in said)
 
 
 def test_bounds_and_lengths() -> None:
     section = METRICS["bounds"]
-    found = table("bounds.md", "distortion")
+    found = table("reports/bounds.md", "distortion")
     assert len(found) == len(bounds.BOUNDS)
     for bound, *cells in found:
         key = str(float(bound))
@@ -122,20 +122,22 @@ def test_bounds_and_lengths() -> None:
             *(f"{section[name][key][column]:+.1f}" for name in ("paper", "fast")
               for column in ("fsw_diff_pct", "thd_diff_pct")),
         ]  # fmt: skip
-    for name, row in zip(("paper", "fast"), table("bounds.md", "largest")[1:], strict=True):
+    for name, row in zip(("paper", "fast"), table("reports/bounds.md", "largest")[1:], strict=True):
         one = section["largest"][name]
         assert row[1:] == [
             f"{one['fsw_diff_pct']:.1f}", f"{one['thd_diff_pct']:.1f}",
             f"{one['rtl_differing']} of {one['rtl_rows']} differ",
         ]  # fmt: skip
-    for (name, rule), row in zip(bounds.SETTINGS, table("bounds.md", "capacitors"), strict=True):
+    for (name, rule), row in zip(
+        bounds.SETTINGS, table("reports/bounds.md", "capacitors"), strict=True
+    ):
         one = section["capacitors"][name][rule]
         assert row[2].startswith(f"{one['vn_largest_pu']:.3f} of")
         assert row[4].startswith(f"{one['vph_largest_pu']:.3f} of")
         outside = [one[key] for key in ("vn_outside_pct", "vph_outside_pct")]
         assert [row[3], row[5]] == [f"{value:.2f}" for value in outside]
         assert row[6] == f"{one['deadlocks_pct']:.1f}"
-    for name, row in zip(lengths.VARIANTS, table("bounds.md", "lengths"), strict=True):
+    for name, row in zip(lengths.VARIANTS, table("reports/bounds.md", "lengths"), strict=True):
         one = METRICS["lengths"][name]
         assert row[1:] == [
             f"{one['searches']}", f"{one['exact_pct']:.2f}", f"{one['one_step_pct']:.2f}",
@@ -150,7 +152,7 @@ def _worst(one: dict[str, float]) -> str:
 def test_deadlocks() -> None:
     section = METRICS["deadlocks"]
     for name, part in (("low speeds", "low"), ("high speeds", "high")):
-        for rule, horizon, *cells in table("deadlocks.md", name):
+        for rule, horizon, *cells in table("docs/settings.md", name):
             one = section[part][rule][horizon]
             assert cells == [
                 f"{one['thd_per_bound']:.0f} %/pu", f"{one['fsw_hz']:.0f} Hz",
@@ -164,7 +166,7 @@ def test_sensorless() -> None:
     def shown(value: float | None, form: str) -> str:
         return "lost" if value is None else f"{value:{form}}"
 
-    found = table("sensorless.md", "cases")
+    found = table("docs/sensorless.md", "cases")
     for name, row, column, form in (
         ("start", 0, "to_1400_rpm_ms", ".0f"), ("start", 1, "estimate_error_rpm", ".1f"),
         ("reversal", 2, "to_1400_rpm_ms", ".0f"), ("reversal", 3, "estimate_error_rpm", ".1f"),
@@ -177,7 +179,7 @@ def test_sensorless() -> None:
             assert cell == shown(one[column], form), (name, case)
     for mark, region in zip(("region", "skewed"), sensorless.REGIONS, strict=True):
         (by,) = section[region].values()
-        for load, *cells in table("sensorless.md", mark):
+        for load, *cells in table("docs/sensorless.md", mark):
             assert cells == [
                 shown(by[f"{rpm:g} r/min"][f"{load} N m"]["speed_error_rpm"], ".1f")
                 for rpm in sensorless.REGION_SPEEDS

@@ -112,7 +112,7 @@ class Load(ABC):
     has_flux_observer : bool
         Whether the rotor-flux observer (docs/observer.md) serves it.
     has_leakage_estimate : bool
-        Whether the estimate of the leakage (docs/robustness.md) serves it.
+        Whether the estimate of the leakage (docs/settings.md) serves it.
     factors : mapping of str to tuple of str
         What a study may scale: its name, and the parameters that it scales.
     quantities : tuple of str

@@ -9,7 +9,7 @@
 -- Latency: done PROGRAM_LENGTHS + 5 clocks after start, one pulse, with the node registered; one
 -- decision at a time.  Inputs must be stable from start to done.
 -- Successors (SECOND_LEVEL): after a node, successor.advance runs a second program on the same blocks that
--- takes it on to k + L1 (see node_base and docs/sese.md); initiation interval 16 clocks,
+-- takes it on to k + L1 (see node_base and node_queue); initiation interval 16 clocks,
 -- progress.advanced 20 clocks later.  Its results replace the words as they come; node.error of the currents
 -- and node.slope, which explorers read, change with successor.show_error and show_slope only.
 -- Overflow: results saturate and set saturated; with operands above the most negative code none

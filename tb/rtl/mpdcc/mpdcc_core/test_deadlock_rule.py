@@ -8,7 +8,7 @@ Checks: all fields of every decision; that the rule decides otherwise than "larg
 deadlock is, and only there; that it takes no clock more; that without the option its bit means
 nothing; every state of the closed loop against the model's own.
 Timing: cycles within the bounds of the core without the option (asserted in mpdcc_core_bench).
-Does not prove: that the rule is good, see docs/deadlocks.md.
+Does not prove: that the rule is good, see docs/settings.md.
 """
 
 from __future__ import annotations
