@@ -13,7 +13,7 @@ registers of the netlist that Yosys maps (`make synth`), with a delay for each c
   measurements come from registers.
 
 ``python -m scripts spartan3-clock`` writes ``reports/spartan3_clock.csv`` and the table of
-``docs/design-space.md``.
+``reports/design_space.md``.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ RAM_OUT, RAM_SETUP = 2.40, 0.49
 WIRE, SINK, WIRE_MOST = 1.0, 0.05, 3.0
 
 REPORT = ROOT / "reports" / "spartan3_clock.csv"
-PAGE = ROOT / "docs" / "design-space.md"
+PAGE = ROOT / "reports" / "design_space.md"
 COMMAND = "python -m scripts spartan3-clock"
 BEGIN = f"<!-- spartan-3 clock: begin (written by {COMMAND}) -->"
 END = "<!-- spartan-3 clock: end -->"

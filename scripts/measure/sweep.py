@@ -33,7 +33,7 @@ from scripts.shared.workers import Pool
 
 CSV = ROOT / "reports" / "design_space.csv"
 PLOT = ROOT / "reports" / "design_space.png"
-PAGE = ROOT / "docs" / "design-space.md"
+PAGE = ROOT / "reports" / "design_space.md"
 BEGIN = "<!-- table: begin (written by make sweep) -->"
 END = "<!-- table: end -->"
 
@@ -124,7 +124,7 @@ def _short(commit: str) -> str:
 
 
 def table(rows: list[dict[str, Any]], commit: str) -> str:
-    """The rows as Markdown, for docs/design-space.md."""
+    """The rows as Markdown, for reports/design_space.md."""
     head = (
         "swept", "value", "variant", "n", "cycles", "slices unpacked (packed)", "mult.",
         "block RAM", "Fmax, worst seed", "decision", "unlike ideal",

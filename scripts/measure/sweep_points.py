@@ -9,7 +9,7 @@ What can be swept so: the number of explorers and the variant (generics), the wo
 trajectories, the fraction of the cost, the width of a length (and with it the longest horizon and
 the stages of the search), the grain of the test for a turn. What cannot: bits of the length that a
 stage of the search decides, and registers inside a stage. They are the structure of
-explorer_fast and not a constant of it; docs/design-space.md says what is known of them.
+explorer_fast and not a constant of it; reports/design_space.md says what is known of them.
 """
 
 from __future__ import annotations

@@ -113,7 +113,7 @@ def keep_linear(
 
 
 def linear_page(page: Path = linear_comparison.TABLE, path: Path = LINEAR) -> None:
-    """Write the table of docs/linear-comparison.md."""
+    """Write the table of reports/linear_comparison.md."""
     known = _read(path)
     differences = [linear_comparison.Difference(**one) for one in known["differences"]]
     text = linear_comparison.table(differences, known["unlike_ideal_pct"], known["states"])
@@ -141,7 +141,7 @@ def _rows(scores: Scores) -> list[dict[str, Any]]:
 
 
 def field_bench_page(page: Path = field_bench.PAGE, path: Path = FIELD_BENCH) -> str:
-    """Write the tables of docs/field-bench.md."""
+    """Write the tables of reports/field_bench.md."""
     known = _read(path)
     models = [(one.pop("set"), one.pop("implementation"), one) for one in known["models"]]
     head = ["set", "implementation", *(f"`{key}`" for key in ON_RTL)]
@@ -185,9 +185,9 @@ PAGES = {
     "docs/cluster.md": scaling_page,
     "docs/evidence.md": evidence.write_page,
     "reports/coverage.md": coverage_page,
-    "docs/field-bench.md": field_bench_page,
+    "reports/field_bench.md": field_bench_page,
     "docs/installing.md": newcomer.page,
-    "docs/linear-comparison.md": linear_page,
+    "reports/linear_comparison.md": linear_page,
     "reports/torture.md": lambda page: torture.publish(page=page),
 }
 

@@ -28,7 +28,7 @@ CSV = REPORTS / "paper_b.csv"
 PAGE = ROOT / "docs" / "paper-b.md"
 REPORT = ROOT / "reports" / "paper_b.md"
 #: Tables of the report; the page has the others.
-REPORTED = ("bands", "claims", "switching", "parameters")
+REPORTED = ("bands", "claims", "switching", "parameters", "distortion", "ripple", "transients")
 DRIVE = ROOT / "drives" / "induction_2kw2.toml"
 COMMAND = "python -m scripts paper-b"
 

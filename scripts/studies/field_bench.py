@@ -35,7 +35,7 @@ FORMAT = 1
 STEPS = 2000
 SETTLE = 100
 MANIFEST = "manifest.json"
-PAGE = tools.ROOT / "docs" / "field-bench.md"
+PAGE = tools.ROOT / "reports" / "field_bench.md"
 MARKS = ("<!-- figures: begin (written by make field-bench) -->", "<!-- figures: end -->")
 FILES = ("drive.toml", "trace.csv", "ideal.csv", "costs.csv")
 

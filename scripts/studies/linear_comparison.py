@@ -19,7 +19,7 @@ fast                parabolas      add up   first exit  fast's
 ==================  =============  =======  ==========  =========
 
 With straight lines in both, the searches have to agree on every row: a test asserts it.
-``python -m scripts linear-comparison`` prints the table of docs/linear-comparison.md.
+``python -m scripts linear-comparison`` prints the table of reports/linear_comparison.md.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ STEPS = 20_000  # per drive and speed
 SETTLE = 2_000
 #: Two candidates are a near tie when their costs differ by at most this share.
 NEAR = 0.01
-TABLE = ROOT / "docs" / "linear-comparison.md"
+TABLE = ROOT / "reports" / "linear_comparison.md"
 BEGIN = "<!-- table: begin (written by python -m scripts linear-comparison --write) -->"
 END = "<!-- table: end -->"
 

@@ -162,7 +162,6 @@ def protocol(page: Path) -> None:
 WRITERS: dict[str, Callable[[Path], None]] = {
     "README.md": readme,
     "reports/accuracy.md": accuracy,
-    "docs/design-space.md": of_sweep,
     "docs/figures.md": figures,
     "docs/mptc.md": lambda page: of_mptc(page.parent, manual=page),
     "docs/observer.md": observer.write_page,
@@ -174,6 +173,7 @@ WRITERS: dict[str, Callable[[Path], None]] = {
     "docs/sensorless.md": lambda page: sensorless.write_texts(sensorless.stored(), page),
     "docs/settings.md": of_settings,
     "reports/bounds.md": of_bounds,
+    "reports/design_space.md": of_sweep,
     "reports/pwm.md": of_pwm,
     "reports/robustness.md": of_robustness,
     **kept.PAGES,
