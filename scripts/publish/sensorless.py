@@ -1,4 +1,4 @@
-"""docs/sensorless.md: what a drive does on the speed-adaptive observer.
+"""reports/sensorless.md: what a drive does on the speed-adaptive observer.
 
 `regenerate` runs `scripts.studies.sensorless`, stores its figures in reports/sensorless.csv, draws,
 and writes the tables of the page from the stored figures.
@@ -24,7 +24,7 @@ REPORTS = ROOT / "reports"
 CSV = REPORTS / "sensorless.csv"
 PICTURE = REPORTS / "sensorless.png"
 LOADED = REPORTS / "sensorless_loaded.png"
-PAGE = ROOT / "docs" / "sensorless.md"
+PAGE = ROOT / "reports" / "sensorless.md"
 DRIVE = ROOT / "drives" / "induction_2kw2.toml"
 COMMAND = "python -m scripts sensorless"
 

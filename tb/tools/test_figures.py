@@ -170,7 +170,7 @@ WRITERS: dict[str, Callable[[Path], None]] = {
     "reports/paper_b.md": lambda page: paper_b.write_texts(paper_b.stored(), page, reported=True),
     "docs/protocol.md": protocol,
     "docs/pwm.md": of_kbest,
-    "docs/sensorless.md": lambda page: sensorless.write_texts(sensorless.stored(), page),
+    "reports/sensorless.md": lambda page: sensorless.write_texts(sensorless.stored(), page),
     "docs/settings.md": of_settings,
     "reports/bounds.md": of_bounds,
     "reports/design_space.md": of_sweep,

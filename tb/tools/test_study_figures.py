@@ -166,7 +166,7 @@ def test_sensorless() -> None:
     def shown(value: float | None, form: str) -> str:
         return "lost" if value is None else f"{value:{form}}"
 
-    found = table("docs/sensorless.md", "cases")
+    found = table("reports/sensorless.md", "cases")
     for name, row, column, form in (
         ("start", 0, "to_1400_rpm_ms", ".0f"), ("start", 1, "estimate_error_rpm", ".1f"),
         ("reversal", 2, "to_1400_rpm_ms", ".0f"), ("reversal", 3, "estimate_error_rpm", ".1f"),
@@ -179,7 +179,7 @@ def test_sensorless() -> None:
             assert cell == shown(one[column], form), (name, case)
     for mark, region in zip(("region", "skewed"), sensorless.REGIONS, strict=True):
         (by,) = section[region].values()
-        for load, *cells in table("docs/sensorless.md", mark):
+        for load, *cells in table("reports/sensorless.md", mark):
             assert cells == [
                 shown(by[f"{rpm:g} r/min"][f"{load} N m"]["speed_error_rpm"], ".1f")
                 for rpm in sensorless.REGION_SPEEDS
