@@ -34,19 +34,22 @@ CONTROLLERS = ("mpdcc", "mptc")
 #: End of a key's comment by its default in the specification.
 RULES = {
     "to turn": "Required for a speed controller.",
-    "required": "Required.",
+    "": "Required.",
     "to start": "Required to start the drive.",
     "from `control.ts": "Without it: from control.ts.",
 }
 
 
 def specified(controller: str) -> dict[str, tuple[str, str]]:
-    """Keys of a drive file as the specification's table has them: range and default."""
+    """Keys of a drive file as the specification's tables have them: range and default."""
     text = SPECIFICATION.read_text(encoding="utf-8")
-    part = re.search(rf"<!-- keys of {controller}: begin.*?-->\n(.*?)<!--", text, re.S)
-    assert part
-    rows = [line.split("|") for line in part.group(1).splitlines()[2:]]
-    return {row[1].strip(" `"): (row[3], row[4].strip(" `")) for row in rows}
+    found = {}
+    for name in (controller, "guard"):
+        part = re.search(rf"<!-- keys of {name}: begin.*?-->\n(.*?)<!--", text, re.S)
+        assert part
+        rows = [line.split("|") for line in part.group(1).splitlines()[2:]]
+        found |= {row[1].split("`")[1]: (row[2], row[3].strip(" `")) for row in rows}
+    return found
 
 
 def keys_in(text: str) -> dict[str, tuple[str, Any]]:

@@ -200,7 +200,6 @@ ELSEWHERE = {
         "tb/tools/test_documents.py::test_every_key_of_a_drive_file_is_specified",
         "tb/tools/test_documents.py::test_every_column_is_specified",
         "tb/tools/test_documents.py::test_every_public_name_is_specified",
-        "tb/tools/test_documents.py::test_every_make_target_is_specified",
         "tb/tools/test_documents.py::test_every_generic_is_specified",
         "tb/tools/test_documents.py::test_the_paths_of_the_metrics_exist",
     ),
