@@ -47,7 +47,7 @@ REPORT = REPORTS / "mptc.md"
 #: Tables of the report; the manual has the others.
 REPORTED = (
     "origin", "paper", "weights", "distortion", "torque step", "starts", "robustness", "link",
-    "tour",
+    "tour", "hardware", "agreement",
 )  # fmt: skip
 DRIVE = ROOT / "drives" / "induction_2kw2.toml"
 VERIFIED = ROOT / "drives" / "motulator_2kw2.toml"
