@@ -524,13 +524,11 @@ def figures(reports: Path = REPORTS) -> dict[str, Any]:
 
 
 def _shown(text: str) -> str:
-    """What the page shows of reports/sese.md: a bound of 0.1 pu, and no errors of prediction."""
-    blocks = text.split("\n\n")
-    first = next(n for n, block in enumerate(blocks) if block.startswith("| speed, bound"))
-    lines = blocks[first].split("\n")
-    blocks[first] = "\n".join(lines[:2] + [one for one in lines[2:] if ", 0.1 |" in one])
-    error = next(n for n, block in enumerate(blocks) if block.startswith("Error of the predicted"))
-    return "\n\n".join(blocks[:error] + blocks[error + 2 :])
+    """What the page shows of reports/sese.md: what SESE saves, its budget, the delay."""
+    saved, errors = (
+        text.index(heading) for heading in ("Switching frequency saved", "Error of the predicted")
+    )
+    return text[saved:errors].rstrip("\n")
 
 
 def write_page(reports: Path = REPORTS, page: Path = PAGE) -> None:
