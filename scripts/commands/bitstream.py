@@ -23,7 +23,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--jobs", type=int, default=1, help="placements at a time")
     parser.add_argument("--twice", action="store_true", help="build again from nothing and compare")
-    parser.add_argument("--page", action="store_true", help="write docs/boards.md's table")
+    parser.add_argument("--page", action="store_true", help="write reports/bitstreams.md's table")
 
 
 def _run(given: argparse.Namespace) -> int | None:

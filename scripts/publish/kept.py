@@ -29,7 +29,7 @@ SCALING = REPORTS / "scaling.json"
 LINEAR = REPORTS / "linear_comparison.json"
 FIELD_BENCH = REPORTS / "field_bench.json"
 BITSTREAMS = REPORTS / "bitstreams.json"
-BOARDS = ROOT / "docs" / "boards.md"
+BOARDS = REPORTS / "bitstreams.md"
 
 
 def _read(path: Path) -> Any:
@@ -175,13 +175,13 @@ def keep_bitstreams(results: Iterable[Mapping[str, Any]], path: Path = BITSTREAM
 
 
 def bitstreams_page(page: Path = BOARDS, path: Path = BITSTREAMS) -> None:
-    """Write the table of docs/boards.md."""
+    """Write the table of reports/bitstreams.md."""
     tools.write(page, bitstream.page(page.read_text(encoding="utf-8"), _read(path)))
 
 
 #: Page, and what writes its tables from the stored file alone.
 PAGES = {
-    "docs/boards.md": bitstreams_page,
+    "reports/bitstreams.md": bitstreams_page,
     "docs/cluster.md": scaling_page,
     "docs/evidence.md": evidence.write_page,
     "reports/coverage.md": coverage_page,

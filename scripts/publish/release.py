@@ -172,7 +172,7 @@ def pages(out: Path, time: int) -> None:
 
 
 def published() -> list[tuple[Board, str, int]]:
-    """Bitstreams that docs/boards.md shows."""
+    """Bitstreams that reports/bitstreams.md shows."""
     known = json.loads(kept.BITSTREAMS.read_text(encoding="utf-8"))
     # the kind of core that has no explorers says 0 of them
     return [(BOARDS[one["board"]], one["controller"], one["explorers"] or 1) for one in known]
