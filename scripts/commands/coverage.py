@@ -46,7 +46,7 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.page and not problems:
         kept.keep_coverage(found)
         kept.coverage_page()
-        evidence.write_page()
+        evidence.write_pages()
     if not problems:
         print("coverage: every goal is reached")
     return 1 if problems else 0

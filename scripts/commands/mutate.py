@@ -60,7 +60,7 @@ def _run(given: argparse.Namespace) -> int | None:
                 print(f"  {unit.file}:{row['line']}: {row['before']}  ->  {row['after']}")
     mutation.publish(given.page, given.out, given.metrics)
     if (given.page, given.out) == (mutation.PAGE, mutation.RESULTS):
-        evidence.write_page()
+        evidence.write_pages()
     if old := mutation.outdated(units, given.out):
         print(f"mutate: changed since they were run: {', '.join(old)}", file=sys.stderr)
     if more := mutation.unlisted(units):

@@ -188,6 +188,7 @@ PAGES = {
     "reports/field_bench.md": field_bench_page,
     "docs/installing.md": newcomer.page,
     "reports/linear_comparison.md": linear_page,
+    "reports/units.md": evidence.write_units,
     "reports/torture.md": lambda page: torture.publish(page=page),
 }
 

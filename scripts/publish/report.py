@@ -1027,7 +1027,7 @@ def _build(
         tools.write_json(path, document)
         write_resources()
         mptc_report.write_texts(document["mptc"])
-        evidence.write_page()
+        evidence.write_pages()
 
 
 def _old(every: Iterable[Stage], say: Callable[[str], None]) -> list[str]:
