@@ -285,6 +285,8 @@ def build(
         raise ToolError(f"{out}: it exists; remove it, or name another folder with --out")
     if key is not None and not key.is_file():
         raise ToolError(f"{key}: no such key; ssh-keygen makes one")
+    if key is not None and shutil.which("ssh-keygen") is None:
+        raise ToolError("--key: ssh-keygen is not installed: apt-get install openssh-client")
     commit = refuse_changes()
     refuse_changelog((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"))
     refuse_old_figures()

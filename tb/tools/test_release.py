@@ -234,6 +234,7 @@ def test_a_release_says_what_it_holds(ready: None, tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["first", "second"]
 
 
+@pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="ssh-keygen is not installed")
 def test_the_checksums_are_signed_with_a_key_that_is_given(ready: None, tmp_path: Path) -> None:
     key = tmp_path / "key"
     subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(key)], check=True)
@@ -247,6 +248,14 @@ def test_the_checksums_are_signed_with_a_key_that_is_given(ready: None, tmp_path
         assert done.returncode == code, done.stderr
     with pytest.raises(ToolError, match="nokey: no such key"):
         release.build(tmp_path / "more", 1, ["cores"], key=tmp_path / "nokey", check=green)
+
+
+def test_a_machine_that_cannot_sign_says_so_before_it_builds(tmp_path: Path, monkeypatch) -> None:
+    key = tmp_path / "key"
+    key.touch()
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(ToolError, match="--key: ssh-keygen is not installed"):
+        release.build(tmp_path / "out", 1, ["cores"], key=key, check=green)
 
 
 def test_without_a_key_one_line_says_so(
