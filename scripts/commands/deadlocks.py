@@ -26,12 +26,14 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, default=deadlocks.REPORTS)
     parser.add_argument(
-        "--reuse", action="store_true", help="tables from deadlocks.csv as it is, no rules run anew"
+        "--reuse",
+        action="store_true",
+        help="tables from deadlocks.csv.gz as it is, no rules run anew",
     )
     parser.add_argument(
         "--page",
         action="store_true",
-        help="only the picture and the page's tables, from deadlocks.csv and deadlocks.md",
+        help="only the picture and the page's tables, from deadlocks.csv.gz and deadlocks.md",
     )
 
 

@@ -20,7 +20,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--starts", type=int, default=horizon.STARTS)
     parser.add_argument("--out", type=Path, default=horizon.REPORTS)
     parser.add_argument(
-        "--pictures", action="store_true", help="only draw the pictures, from sese.csv and sese.md"
+        "--pictures",
+        action="store_true",
+        help="only draw the pictures, from sese.csv.gz and sese.md",
     )
 
 

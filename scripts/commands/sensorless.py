@@ -10,7 +10,9 @@ from scripts.shared.command import Command
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--texts", action="store_true", help="rewrite the page's tables from reports/sensorless.csv"
+        "--texts",
+        action="store_true",
+        help="rewrite the page's tables from reports/sensorless.csv.gz",
     )
 
 

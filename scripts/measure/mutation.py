@@ -11,9 +11,9 @@ these notice nothing, against what stands above it. What comes of a mutant:
 * **survived**: no check failed.
 
 The benches run in a copy of the project, so that nothing of the project changes. Results are kept
-in a JSON file for each unit, written after every mutant. A run that was stopped goes on there. A
-change of the unit's VHDL makes its results void, and no other's; a change of benches those that
-depend on them. The test that killed a mutant once is asked first when it is run again.
+in a packed JSON file for each unit, written after every mutant. A run that was stopped goes on
+there. A change of the unit's VHDL makes its results void, and no other's; a change of benches those
+that depend on them. The test that killed a mutant once is asked first when it is run again.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -279,12 +280,12 @@ def valid(unit: Unit, found: Mapping[str, Any], keys: Mapping[str, str]) -> list
 
 def kept(unit: str, folder: Path = RESULTS) -> dict[str, Any]:
     """Results of a unit."""
-    path = folder / f"{unit}.json"
+    path = folder / f"{unit}.json.gz"
     if not path.exists():
         return {}
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
+        return json.loads(tools.read(path))
+    except (OSError, EOFError, zlib.error, json.JSONDecodeError) as error:
         raise MutationError(f"{path.name}: {error}; remove it to begin anew") from None
 
 
@@ -296,12 +297,10 @@ def _written(
     *,
     whole: bool,
 ) -> None:
-    """Write the results of a unit, a mutant a line; `whole` where none is left to run."""
+    """Write the results of a unit; `whole` where none is left to run."""
     ordered = sorted(rows, key=lambda row: (row["line"], row["before"], row["after"], row["place"]))
-    lines = ",\n".join(f"  {json.dumps(row, ensure_ascii=False)}" for row in ordered)
     known = {"unit": unit.name, "file": unit.file.as_posix(), "keys": keys, "whole": whole}
-    head = ",\n ".join(f'"{name}": {json.dumps(value)}' for name, value in known.items())
-    tools.write(folder / f"{unit.name}.json", f'{{\n {head},\n "mutants": [\n{lines}\n ]\n}}\n')
+    tools.write_json(folder / f"{unit.name}.json.gz", known | {"mutants": ordered})
 
 
 def _store(unit: Unit, found: Mapping[str, Any], folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""The picture of reports/robustness.md, from reports/robustness.csv alone."""
+"""The picture of reports/robustness.md, from reports/robustness.csv.gz alone."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scripts.publish import study_figures
 from scripts.shared.figures import drive_title, pyplot, save_png
 from scripts.studies import robustness
 
-PICTURE = robustness.REPORT.with_suffix(".png")
+PICTURE = robustness.REPORT.with_name("robustness.png")
 BOUND = 0.10
 NOISES = (1.0, 2.0)
 #: Outside rule and gain of the filters -> colour: the rules by hue, the filters by shade.

@@ -1,7 +1,7 @@
 """docs/paper-b.md: what Paper B states beside what every method does here.
 
-`regenerate` runs `scripts.studies.paper_b`, stores its figures in reports/paper_b.csv, draws, and
-writes the tables of the page from the stored figures. Whether a claim of the paper holds is
+`regenerate` runs `scripts.studies.paper_b`, stores its figures in reports/paper_b.csv.gz, draws,
+and writes the tables of the page from the stored figures. Whether a claim of the paper holds is
 computed from them too.
 """
 
@@ -24,7 +24,7 @@ from scripts.shared.tools import ROOT
 from scripts.studies import paper_b as study
 
 REPORTS = ROOT / "reports"
-CSV = REPORTS / "paper_b.csv"
+CSV = REPORTS / "paper_b.csv.gz"
 PAGE = ROOT / "docs" / "paper-b.md"
 REPORT = ROOT / "reports" / "paper_b.md"
 #: Tables of the report; the page has the others.

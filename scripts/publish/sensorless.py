@@ -1,7 +1,7 @@
 """reports/sensorless.md: what a drive does on the speed-adaptive observer.
 
-`regenerate` runs `scripts.studies.sensorless`, stores its figures in reports/sensorless.csv, draws,
-and writes the tables of the page from the stored figures.
+`regenerate` runs `scripts.studies.sensorless`, stores its figures in reports/sensorless.csv.gz,
+draws, and writes the tables of the page from the stored figures.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from scripts.shared.tools import ROOT
 from scripts.studies import sensorless as study
 
 REPORTS = ROOT / "reports"
-CSV = REPORTS / "sensorless.csv"
+CSV = REPORTS / "sensorless.csv.gz"
 PICTURE = REPORTS / "sensorless.png"
 LOADED = REPORTS / "sensorless_loaded.png"
 PAGE = ROOT / "reports" / "sensorless.md"

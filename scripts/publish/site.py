@@ -33,7 +33,7 @@ ENTITIES = DOCS / "entities"
 _LINK = re.compile(r"(\]\()([^)\s]+)(\))")
 _FENCE = re.compile(r"^ *(```|~~~)")
 _SCHEME = re.compile(r"^[a-z][a-z0-9+.-]*:")
-_AS_THEY_ARE = (".png", ".svg", ".csv", ".json", ".pdf")
+_AS_THEY_ARE = (".png", ".svg", ".csv", ".gz", ".json", ".pdf")
 _LANGUAGES = {
     ".vhd": "vhdl", ".v": "verilog", ".py": "python", ".toml": "toml", ".sh": "bash", ".tcl": "tcl",
     ".xdc": "tcl", ".yml": "yaml",

@@ -97,10 +97,10 @@ def _rows(name: str, keys: Sequence[str], without: Sequence[str] = ()) -> Callab
 SECTIONS: dict[str, Callable[[Path], Section]] = {
     "accuracy": of_accuracy,
     "observer": _rows("observer.csv", ("mismatch", "crossover_pu", "omega_s_pu")),
-    "paper_b": _rows("paper_b.csv", ("study", "controller", "rpm", "quantity")),
+    "paper_b": _rows("paper_b.csv.gz", ("study", "controller", "rpm", "quantity")),
     "design_space": _rows("design_space.csv", ("dimension", "variant", "setting")),
     # means over the starts
-    "sese": _rows("sese.csv", ("horizon", "bound", "speed"), ("start",)),
+    "sese": _rows("sese.csv.gz", ("horizon", "bound", "speed"), ("start",)),
     "outside_rules": _rows(
         "outside_rules.csv", ("drive", "horizon", "speed", "noise", "rule", "gain"), ("start",)
     ),

@@ -346,7 +346,7 @@ EXCESS = ("excess_current", "excess_vn", "excess_vph")
 
 def of_deadlocks(reports: Path = REPORTS) -> Section:
     """Rules for deadlocks, and what happens in one."""
-    found = tables.numbers(tables.read_csv(reports / "deadlocks.csv"), ["case", "horizon"])
+    found = tables.numbers(tables.read_csv(reports / "deadlocks.csv.gz"), ["case", "horizon"])
     steps = tables.numbers(tables.read_csv(reports / "deadlock_steps.csv"), ["horizon"])
     section: Section = {}
 
@@ -400,7 +400,7 @@ def of_deadlocks(reports: Path = REPORTS) -> Section:
 def of_sensorless(reports: Path = REPORTS) -> Section:
     """Drives without a speed sensor."""
     section: Section = {}
-    for row in tables.read_csv(reports / "sensorless.csv"):
+    for row in tables.read_csv(reports / "sensorless.csv.gz"):
         place = (f"{float(row['rpm']):g} r/min", f"{float(row['load']):g} N m")
         value = {row["quantity"]: float(row["value"])}
         put(section, (row["study"], row["case"], *place), value)

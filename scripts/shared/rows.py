@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -15,9 +16,12 @@ from scripts.shared.workers import Pool
 Setting = TypeVar("Setting")
 
 _PARSE = {"str": str, "float": float, "int": int}
+#: Seconds after which rows that came are written.
+_PACE = 5.0
 
 
-def _cell(value: Any) -> str:
+def cell(value: Any) -> str:
+    """A value as a file has it."""
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
@@ -25,7 +29,7 @@ def rounded(setting: Setting) -> Setting:
     """A setting as a file has it."""
     values = asdict(setting)  # type: ignore[call-overload]
     return type(setting)(
-        **{k: float(_cell(v)) if isinstance(v, float) else v for k, v in values.items()}
+        **{k: float(cell(v)) if isinstance(v, float) else v for k, v in values.items()}
     )
 
 
@@ -37,12 +41,11 @@ def read(
         return {}
     kinds = {field.name: _PARSE[str(field.type)] for field in fields(kind)}  # type: ignore[arg-type]
     found = {}
-    with path.open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            if None in row.values() or None in row:
-                continue
-            setting = kind(**{name: parse(row[name]) for name, parse in kinds.items()})
-            found[setting] = {name: float(row[name]) for name in figures}
+    for row in csv.DictReader(io.StringIO(tools.read(path), newline="")):
+        if None in row.values() or None in row:
+            continue
+        setting = kind(**{name: parse(row[name]) for name, parse in kinds.items()})
+        found[setting] = {name: float(row[name]) for name in figures}
     return found
 
 
@@ -54,7 +57,7 @@ def write(path: Path, rows: Mapping[Setting, Mapping[str, float]], figures: Sequ
     writer.writerow([*columns, *figures])
     for setting in sorted(rows):  # type: ignore[type-var]
         values = asdict(setting) | dict(rows[setting])  # type: ignore[call-overload]
-        writer.writerow([_cell(values[name]) for name in (*columns, *figures)])
+        writer.writerow([cell(values[name]) for name in (*columns, *figures)])
     tools.write(path, out.getvalue())
 
 
@@ -69,16 +72,22 @@ def study(
     anew: bool = False,
     scheduler: str | None = None,
 ) -> dict[Setting, dict[str, float]]:
-    """Run the settings that a file does not have yet, and keep each as soon as it is through."""
+    """Run the settings that a file does not have yet; it gets what is through every few seconds."""
     wanted = list(settings)
     kind = type(wanted[0])
     known = set(map(rounded, wanted))
     found = {} if anew else {k: v for k, v in read(out, kind, figures).items() if k in known}
     missing = [(setting,) for setting in wanted if rounded(setting) not in found]
-    with Pool(jobs, scheduler) as pool:
-        for _, row in pool.each(task, loop, missing):
-            setting = kind(**{field.name: row[field.name] for field in fields(kind)})  # type: ignore[arg-type]
-            found[rounded(setting)] = {name: row[name] for name in figures}
+    due = 0.0
+    try:
+        with Pool(jobs, scheduler) as pool:
+            for _, row in pool.each(task, loop, missing):
+                setting = kind(**{field.name: row[field.name] for field in fields(kind)})  # type: ignore[arg-type]
+                found[rounded(setting)] = {name: row[name] for name in figures}
+                if time.monotonic() >= due:
+                    write(out, found, figures)
+                    due = time.monotonic() + _PACE
+    finally:
+        if found:
             write(out, found, figures)
-    write(out, found, figures)
     return read(out, kind, figures)

@@ -91,7 +91,7 @@ def csv_text(
 
 def read_csv(path: Path) -> list[dict[str, str]]:
     """Rows of a CSV file as text; comments are left out."""
-    lines = path.read_text(encoding="utf-8").splitlines()
+    lines = tools.read(path).splitlines()
     return list(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import gzip
 import hashlib
 import json
 import os
@@ -105,9 +106,16 @@ def replacing(out: Path) -> Iterator[Path]:
 
 
 def write(out: Path, text: str) -> None:
-    """Write a file so that a reader sees the old one or the new one."""
+    """Write a file so that a reader sees the old one or the new one; packed if its name ends so."""
+    data = text.encode()
     with replacing(out) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_bytes(gzip.compress(data, mtime=0) if out.suffix == ".gz" else data)
+
+
+def read(path: Path) -> str:
+    """Text of a file; unpacked if its name ends in .gz."""
+    data = path.read_bytes()
+    return (gzip.decompress(data) if path.suffix == ".gz" else data).decode()
 
 
 def json_text(value: Any, room: int = 400, indent: int = 0) -> str:

@@ -1,7 +1,7 @@
 """What bounds of the capacitors cost and save: closed loops with the rules that ship.
 
-``python -m scripts pwm`` runs them after its own and writes ``reports/capacitor_bounds.csv``, one
-row per loop, and a table of ``reports/pwm.md``. The shipped drives have their bounds from here.
+``python -m scripts pwm`` runs them after its own and writes ``reports/capacitor_bounds.csv.gz``,
+one row per loop, and a table of ``reports/pwm.md``. The shipped drives have their bounds from here.
 
 The fast variant's bit-true model decides, with the weighted deadlock rule, the rule "inwards",
 capacitor filters, SESE's budget and one step of delay, as the shipped drives have them.
@@ -19,7 +19,7 @@ from scripts.shared import rows, tables
 from scripts.shared.tools import ROOT
 from scripts.studies import pwm, robustness
 
-REPORT = ROOT / "reports" / "capacitor_bounds.csv"
+REPORT = ROOT / "reports" / "capacitor_bounds.csv.gz"
 PAIRS = ((0.05, 0.08), (0.08, 0.12), (0.10, 0.16))
 """Bounds of v_n and v_ph."""
 SPEEDS = (0.2, 0.3, 0.45, 0.6, 0.8, 1.0)

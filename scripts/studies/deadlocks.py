@@ -3,7 +3,7 @@
 ``python -m scripts deadlocks`` runs the 6 kV drive's exact plant with the fast variant's
 bit-true model (`scripts.studies.deadlock_rules`, by default Paper A's rule) and writes
 
-* ``reports/deadlocks.csv``: one row per closed loop,
+* ``reports/deadlocks.csv.gz``: one row per closed loop,
 * ``reports/deadlock_steps.csv``: what is outside, for how long, what could be chosen,
 * ``reports/deadlocks.md``: every table; `docs/settings.md` shows a part of them,
 * ``reports/deadlocks.png``: one deadlock in the time domain, and THD and f_sw over the speed.
@@ -534,7 +534,7 @@ SHOWN = (LARGEST, RECOMMENDED)
 def draw_stored(drive: Path, out: Path = REPORTS) -> None:
     """Draw the picture from the runs that are stored; two runs for the curves over time are new."""
     base = states.of_file(drive)
-    _draw(base, _read(out / "deadlocks.csv"), out / "deadlocks.png")
+    _draw(base, _read(out / "deadlocks.csv.gz"), out / "deadlocks.png")
 
 
 def page(text: str, report: str) -> str:
@@ -562,7 +562,7 @@ def write_page(report: str) -> None:
 
 
 def _read(path: Path) -> list[dict[str, Any]]:
-    """Rows of deadlocks.csv, numbers as numbers."""
+    """Rows of deadlocks.csv.gz, numbers as numbers."""
     return [
         {
             k: v if k in ("case", "horizon") else int(v) if k == "start" else float(v)
@@ -687,11 +687,13 @@ def study(
         )
         if not reuse:
             rows = pool.all("closed loops", _run, [(base, *job, steps) for job in jobs])
-            tools.write(out / "deadlocks.csv", tables.csv_text(rows, columns=RUN_FIELDS, digits=4))
+            tools.write(
+                out / "deadlocks.csv.gz", tables.csv_text(rows, columns=RUN_FIELDS, digits=4)
+            )
         elsewhere = _elsewhere(base, starts, steps, pool)
         intervals = _intervals(base, detailed, steps, pool)
     # from the file in both cases: so the tables are the same with `reuse` and without
-    rows = _read(out / "deadlocks.csv")
+    rows = _read(out / "deadlocks.csv.gz")
 
     decided, most = verify(base, points, steps)
     signed = [

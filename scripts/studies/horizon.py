@@ -1,8 +1,8 @@
 """SE against SESE in closed loop, on the bit-true model: what the longer horizon is worth.
 
 ``python -m scripts horizon`` runs the 6 kV drive's plant with the fast variant's bit-true
-model over bounds and speeds, with several starts each, and writes ``reports/sese.csv``, a table, a
-figure and its keys of ``metrics.json``. The model is the RTL's bit for bit, see the test
+model over bounds and speeds, with several starts each, and writes ``reports/sese.csv.gz``, a table,
+a figure and its keys of ``metrics.json``. The model is the RTL's bit for bit, see the test
 `tb.rtl.mpdcc.mpdcc_core.test_sese_core`.
 
 Switching frequencies are compared at equal distortion: for each speed and start SE's frequency is
@@ -378,7 +378,7 @@ def study(
         answers = pool.all("budgets and delays", _run, [(base, each, steps) for each in others])
     found_of = dict(zip(others, answers, strict=True))
     out.mkdir(parents=True, exist_ok=True)
-    tools.write(out / "sese.csv", tables.csv_text(rows, columns=FIELDS, digits=4))
+    tools.write(out / "sese.csv.gz", tables.csv_text(rows, columns=FIELDS, digits=4))
 
     gains = {
         speed: interval([reduction(rows, speed, start) for start in range(starts)])
@@ -506,7 +506,7 @@ def draw_stored(drive: Path, out: Path = REPORTS) -> None:
     name = drive_title(load_mpdcc_drive(drive).base.voltage)
     rows = [
         {key: text if key == "horizon" else float(text) for key, text in row.items()}
-        for row in tables.read_csv(out / "sese.csv")
+        for row in tables.read_csv(out / "sese.csv.gz")
     ]
     _draw(rows, name, out / "sese.png")
     text = (out / "sese.md").read_text(encoding="utf-8")

@@ -1,7 +1,7 @@
 """K-best beside SE, SESE and pulse-width modulation: THD at equal switching frequency.
 
 ``python -m scripts kbest`` runs the bit-true models and the modulator on both five-level drives,
-writes ``reports/kbest.csv``, one row per run, and from it a table of ``docs/pwm.md`` and
+writes ``reports/kbest.csv.gz``, one row per run, and from it a table of ``docs/pwm.md`` and
 ``reports/kbest.png``. A row that the file has already is not run again; ``--anew`` begins at the
 first. The capacitor bounds of all controllers are 0.05 and 0.08 pu; all measurements are exact.
 """
@@ -47,7 +47,7 @@ STARTS = 2
 """Of each point."""
 
 TITLES = {"PWM": "PWM", "SE": "SE", "SESE": "SESE", "K8": "K-best, 8", "K16": "K-best, 16"}
-REPORT = ROOT / "reports" / "kbest.csv"
+REPORT = ROOT / "reports" / "kbest.csv.gz"
 PAGE = ROOT / "docs" / "pwm.md"
 PICTURE = ROOT / "reports" / "kbest.png"
 BEGIN = "<!-- kbest: begin (written by python -m scripts kbest) -->"

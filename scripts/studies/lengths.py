@@ -6,7 +6,7 @@ of `scripts.studies.bounds`. In each of its searches that find a candidate insid
 ideal controller says how long the chosen candidate stays there; the difference of the two lengths
 is counted. The RTL has the model's lengths, bit for bit.
 
-``python -m scripts lengths`` writes reports/lengths.csv, the picture and the table of
+``python -m scripts lengths`` writes reports/lengths.csv.gz, the picture and the table of
 reports/bounds.md.
 """
 
@@ -29,7 +29,7 @@ from scripts.shared.workers import Pool
 from scripts.studies import bounds
 from scripts.studies.bounds import BOUNDS, NAMES, PAGE
 
-REPORT = ROOT / "reports" / "lengths.csv"
+REPORT = ROOT / "reports" / "lengths.csv.gz"
 PICTURE = ROOT / "reports" / "lengths.png"
 COLUMNS = ("bound_pu", "controller", "error_steps", "searches")
 VARIANTS = ("paper", "fast")

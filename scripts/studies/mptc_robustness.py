@@ -2,16 +2,14 @@
 
 Random drives like the 2.2 kW one hold a torque at an imposed speed, on the flux of the bit-true
 observer. Each drive runs without an error first; every other loop of it is compared with that one.
-``python -m scripts robustness`` writes ``reports/mptc_robustness.csv``, a row per closed loop, and
-a table of ``reports/robustness.md``. Rows that the file has are not run again.
+``python -m scripts robustness`` writes ``reports/mptc_robustness.csv.gz``, a row per closed loop,
+and a table of ``reports/robustness.md``. Rows that the file has are not run again.
 """
 
 from __future__ import annotations
 
-import csv
-import os
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +22,12 @@ from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.errors import MptcErrors
 from directmpc.mptc.plant import PlantParameters, plant_parameters
+from scripts.shared import rows as stored_rows
 from scripts.shared import tables
 from scripts.shared.tools import ROOT
-from scripts.shared.workers import Pool
 from scripts.studies.mptc import RATED_TORQUE, figures
 
-REPORT = ROOT / "reports" / "mptc_robustness.csv"
+REPORT = ROOT / "reports" / "mptc_robustness.csv.gz"
 BEGIN = "<!-- two-level: begin (written by python -m scripts robustness) -->"
 END = "<!-- two-level: end -->"
 METHODS = ("MPTC", "MPFC")
@@ -171,46 +169,17 @@ def loop(setting: Setting, seconds: float = SECONDS) -> dict[str, Any]:
 
 def read(path: Path) -> dict[Setting, dict[str, float]]:
     """Rows of a study's file."""
-    if not path.exists():
-        return {}
-    found = {}
-    with path.open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            if None in row.values() or None in row:
-                continue
-            setting = Setting(int(row["number"]), row["method"], row["case"])
-            found[setting] = {name: float(row[name]) for name in FIGURES}
-    return found
-
-
-def _write(path: Path, rows: dict[Setting, dict[str, float]]) -> None:
-    """Write a study's file in the order of its settings; all of it or nothing."""
-    temporary = path.with_suffix(".part")
-    with temporary.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow([field.name for field in fields(Setting)] + list(FIGURES))
-        for setting in sorted(rows):
-            values = [f"{rows[setting][name]:.6g}" for name in FIGURES]
-            writer.writerow([*asdict(setting).values(), *values])
-    os.replace(temporary, path)
+    return stored_rows.read(path, Setting, FIGURES)
 
 
 def study(
     out: Path, jobs: int, count: int, *, anew: bool = False, scheduler: str | None = None
 ) -> dict[Setting, dict[str, float]]:
     """Run what the file does not have yet."""
-    wanted = list(settings(count))
-    rows = {} if anew else {k: v for k, v in read(out).items() if k in set(wanted)}
-    missing = [setting for setting in wanted if setting not in rows]
-    with Pool(jobs, scheduler) as pool:
-        calls = [(setting,) for setting in missing]
-        for n, (_, found) in enumerate(pool.each("closed loops of two-level drives", loop, calls)):
-            setting = Setting(**{field.name: found[field.name] for field in fields(Setting)})
-            rows[setting] = {name: found[name] for name in FIGURES}
-            if n % 64 == 63:
-                _write(out, rows)
-    _write(out, rows)
-    return read(out)
+    return stored_rows.study(
+        "closed loops of two-level drives", loop, settings(count), FIGURES, out, jobs,
+        anew=anew, scheduler=scheduler,
+    )  # fmt: skip
 
 
 def table(rows: dict[Setting, dict[str, float]]) -> str:

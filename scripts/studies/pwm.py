@@ -1,7 +1,7 @@
 """MPDCC beside pulse-width modulation on the same inverter: THD, switchings, capacitors.
 
 ``python -m scripts pwm`` runs the modulator of `pwm_modulator` and MPDCC's bit-true model on both
-shipped drives, writes ``reports/pwm.csv``, one row per run, and from it the tables of
+shipped drives, writes ``reports/pwm.csv.gz``, one row per run, and from it the tables of
 ``reports/pwm.md`` and ``reports/pwm.png``. A row that the file has is not run again, so that
 a study that was stopped goes on where it was; ``--anew`` begins at the first.
 
@@ -52,7 +52,7 @@ STEPS, SETTLE = 4000, 400
 PERIODS, SETTLE_PERIODS = 30, 15
 """Of the fundamental, for PWM: its capacitors take longer to settle."""
 
-REPORT = ROOT / "reports" / "pwm.csv"
+REPORT = ROOT / "reports" / "pwm.csv.gz"
 PICTURE = ROOT / "reports" / "pwm.png"
 PAGE = ROOT / "reports" / "pwm.md"
 BEGIN = "<!-- {}: begin (written by python -m scripts pwm) -->"

@@ -1,7 +1,7 @@
 """What noise costs, and what helps: closed loops of the bit-true model with sensors that err.
 
 ``python -m scripts robustness`` runs both shipped drives and random ones, decides with the fast
-variant's bit-true model, and writes ``reports/robustness.csv``, one row per closed loop, and the
+variant's bit-true model, and writes ``reports/robustness.csv.gz``, one row per closed loop, and the
 tables of ``reports/robustness.md``. A row that the file has already is not run again, so that a
 study that was stopped goes on where it was; ``--anew`` begins at the first.
 
@@ -13,12 +13,11 @@ estimate of the leakage takes back. They begin to count ``LEARNING`` after the s
 
 from __future__ import annotations
 
-import csv
+import functools
 import itertools
 import math
-import os
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +31,9 @@ from directmpc.mpdcc.coefficients import ROOM, registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import DriveErrors
 from scripts.hdl import states
+from scripts.shared import rows as stored_rows
 from scripts.shared import tables
 from scripts.shared.tools import ROOT
-from scripts.shared.workers import Pool
 
 NOISE_CURRENT, NOISE_VOLTAGE = 0.005, 0.0025
 """Rms, per unit, of noise 1."""
@@ -106,7 +105,7 @@ SPREAD = (0.8, 1.2)
 #: What the controllers of random drives know of such a machine, by noise 1 with the rule "inwards"
 #: and filters.
 RANDOM_KNOWS = (KNOWN, GIVEN, THETA, OBSERVER)
-REPORT = ROOT / "reports" / "robustness.csv"
+REPORT = ROOT / "reports" / "robustness.csv.gz"
 PAGE = ROOT / "reports" / "robustness.md"
 BEGIN = "<!-- {}: begin (written by python -m scripts robustness) -->"
 END = "<!-- {}: end -->"
@@ -261,35 +260,7 @@ def loop(setting: Setting, steps: int, drive: Drive | None = None) -> dict[str, 
 
 def read(path: Path) -> dict[Setting, dict[str, float]]:
     """Rows of a study's file."""
-    if not path.exists():
-        return {}
-    kinds = {field.name: field.type for field in fields(Setting)}
-    parse = {"str": str, "float": float, "int": int}
-    found = {}
-    with path.open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            if None in row.values() or None in row or "theta" not in row:
-                continue
-            setting = Setting(**{name: parse[str(kinds[name])](row[name]) for name in kinds})
-            found[setting] = {name: float(row[name]) for name in FIGURES}
-    return found
-
-
-def _write(path: Path, rows: dict[Setting, dict[str, float]]) -> None:
-    """Write a study's file in the order of its settings; all of it or nothing."""
-    columns = [field.name for field in fields(Setting)] + list(FIGURES)
-    temporary = path.with_suffix(".part")
-    with temporary.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        for setting in sorted(rows):
-            values = asdict(setting) | rows[setting]
-            writer.writerow([_cell(values[name]) for name in columns])
-    os.replace(temporary, path)
-
-
-def _cell(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return stored_rows.read(path, Setting, FIGURES)
 
 
 def study(
@@ -303,25 +274,10 @@ def study(
     scheduler: str | None = None,
 ) -> dict[Setting, dict[str, float]]:
     """Run what the file does not have yet."""
-    wanted = [rounded(setting) for setting in settings(starts, count)]
-    rows = {} if anew else {k: v for k, v in read(out).items() if k in set(wanted)}
-    missing = [setting for setting in wanted if setting not in rows]
-    with Pool(jobs, scheduler) as pool:
-        calls = [(setting, steps) for setting in missing]
-        for n, (_, found) in enumerate(pool.each("closed loops", loop, calls)):
-            setting = Setting(**{field.name: found[field.name] for field in fields(Setting)})
-            rows[setting] = {name: found[name] for name in FIGURES}
-            if n % 16 == 15:
-                _write(out, rows)
-    _write(out, rows)
-    return read(out)  # the figures with the digits that the page is compared by
-
-
-def rounded(setting: Setting) -> Setting:
-    """A setting as the file has it."""
-    return Setting(
-        **{k: float(_cell(v)) if isinstance(v, float) else v for k, v in asdict(setting).items()}
-    )
+    return stored_rows.study(
+        "closed loops", functools.partial(loop, steps=steps), settings(starts, count), FIGURES,
+        out, jobs, anew=anew, scheduler=scheduler,
+    )  # fmt: skip
 
 
 def _mean(rows: Sequence[dict[str, float]], name: str) -> float:
@@ -431,7 +387,7 @@ def gain_table(rows: dict[Setting, dict[str, float]]) -> str:
 
 
 def _rounded_remedy(remedy: tuple[float, str, float]) -> tuple[float, str, float]:
-    return remedy[0], remedy[1], float(_cell(remedy[2]))
+    return remedy[0], remedy[1], float(stored_rows.cell(remedy[2]))
 
 
 def largest_excess(rows: dict[Setting, dict[str, float]]) -> float:

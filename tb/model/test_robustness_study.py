@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.shared import tables
+from scripts.shared import rows, tables
 from scripts.studies import robustness
 from scripts.studies.robustness import Setting
 
@@ -65,14 +65,14 @@ SHOWN = (
 )
 def test_a_loop_run_again_is_the_files(setting: Setting) -> None:
     found = robustness.loop(setting, robustness.STEPS)
-    wanted = robustness.read(robustness.REPORT)[robustness.rounded(setting)]
+    wanted = robustness.read(robustness.REPORT)[rows.rounded(setting)]
     for name, value in wanted.items():
         assert found[name] == pytest.approx(value, rel=1e-4, abs=1e-6), name
 
 
 def test_the_file_has_every_setting() -> None:
     wanted = robustness.settings(robustness.STARTS, robustness.RANDOM)
-    assert set(robustness.read(robustness.REPORT)) == set(map(robustness.rounded, wanted))
+    assert set(robustness.read(robustness.REPORT)) == set(map(rows.rounded, wanted))
 
 
 def test_a_study_goes_on_where_it_was_stopped(

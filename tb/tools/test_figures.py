@@ -789,10 +789,10 @@ def clocks_and_time(budget: int, mhz: int) -> tuple[str, str]:
 
 
 def dead_with_se() -> tuple[str, str]:
-    """Least and most of the points of reports/sese.csv at 0.2 and 0.3 pu."""
+    """Least and most of the points of reports/sese.csv.gz at 0.2 and 0.3 pu."""
     by: dict[tuple[float, float], list[float]] = {}
     wanted = {"horizon": "SE", "budget": 0, "delay": 0, "deadlock_rule": "largest"}
-    for row in tables.numbers(tables.read_csv(REPORTS / "sese.csv"), ["horizon"]):
+    for row in tables.numbers(tables.read_csv(REPORTS / "sese.csv.gz"), ["horizon"]):
         if row["speed"] < deadlocks.LOW and all(row.get(k, v) == v for k, v in wanted.items()):
             by.setdefault((row["speed"], row["bound"]), []).append(row["deadlock_pct"])
     return span([sum(one) / len(one) for one in by.values()], ".0f")

@@ -13,6 +13,7 @@ Does not prove: that the kinds of mutants are those of real mistakes.
 
 from __future__ import annotations
 
+import gzip
 import json
 import re
 import shutil
@@ -535,7 +536,7 @@ def test_a_run_goes_on_where_it_stopped(judged: Callable[..., int], tmp_path: Pa
     with pytest.raises(KeyboardInterrupt):
         judged(stop=5)
     folder = tmp_path / "project" / "results"
-    assert [path.name for path in folder.iterdir()] == ["counter.json"]
+    assert [path.name for path in folder.iterdir()] == ["counter.json.gz"]
     before = rows(folder.parent)
     assert len(before) == 5
     assert mutation.kept("counter", folder)["whole"] is False
@@ -668,9 +669,10 @@ def test_results_hold_as_long_as_what_they_depend_on(tmp_path: Path) -> None:
 
 
 def test_results_that_are_none_are_told(tmp_path: Path) -> None:
-    (tmp_path / "ram.json").write_text("{")
-    with pytest.raises(mutation.MutationError, match=r"ram\.json: .*; remove it to begin anew"):
-        mutation.kept("ram", tmp_path)
+    for broken in (b"{", gzip.compress(b"{"), gzip.compress(b"{}")[:-9]):
+        (tmp_path / "ram.json.gz").write_bytes(broken)
+        with pytest.raises(mutation.MutationError, match=r"ram\.json\.gz: .*; remove it to begin"):
+            mutation.kept("ram", tmp_path)
     assert mutation.kept("countdown", tmp_path) == {}
 
 
@@ -710,7 +712,7 @@ def test_the_page_has_what_is_kept() -> None:
     units = mutation.listed()
     found = mutation.stored(units)
     assert page.strip() == mutation.markdown(units, found, mutation.arguments())
-    assert {path.stem for path in mutation.RESULTS.glob("*.json")} == set(found)
+    assert {path.name.removesuffix(".json.gz") for path in mutation.RESULTS.iterdir()} == set(found)
     told = mutation.scores(found, mutation.arguments())
     assert mutation.PAGE.with_suffix(".svg").read_text() == mutation.badge(told, len(units))
     metrics = json.loads(mutation.METRICS.read_text(encoding="utf-8"))
@@ -725,7 +727,7 @@ def test_publishing_runs_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[s
     page.write_text("\n".join(mutation.MARKS) + "\n")
     results.mkdir()
     row = json.dumps(kept_row("killed", "a & b"))
-    tools.write(results / "ram.json", f'{{"keys": {{}}, "mutants": [{row}]}}')
+    tools.write(results / "ram.json.gz", f'{{"keys": {{}}, "mutants": [{row}]}}')
     assert main(["mutate", "--publish", *where]) == 0
     figures = {"mutants": 1, "equivalent": 0, "killed_pct": 100.0}
     assert json.loads(metrics.read_text()) == {"commit": "x", "mutation": {"ram": figures}}

@@ -31,7 +31,7 @@ REPORTS = ROOT / "reports"
 
 
 def _horizon(out: Path) -> None:
-    for name in ("sese.csv", "sese.md"):
+    for name in ("sese.csv.gz", "sese.md"):
         (out / name).write_bytes((horizon.REPORTS / name).read_bytes())
     horizon.draw_stored(DRIVE, out)
 
@@ -59,7 +59,7 @@ def _sweep(out: Path) -> None:
 
 
 def _deadlocks(out: Path) -> None:
-    (out / "deadlocks.csv").write_bytes((REPORTS / "deadlocks.csv").read_bytes())
+    (out / "deadlocks.csv.gz").write_bytes((REPORTS / "deadlocks.csv.gz").read_bytes())
     deadlocks.draw_stored(DRIVE, out)
 
 
