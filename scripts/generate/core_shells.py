@@ -20,82 +20,50 @@ _RTL = Path(__file__).resolve().parents[2] / "rtl"
 
 @dataclass(frozen=True)
 class Port:
-    """One flat port.
-
-    Attributes
-    ----------
-    name : str
-    width : str
-        Upper bound of the vector, ``15`` or ``WORD_WIDTH - 1``; empty: std_logic.
-    comment : str
-        Unit, format or polarity, for the end of the line.
-    field : str
-        Field of the record it is copied to or from; empty: the port goes to the inner port of its
-        name, or, in a group, to the field of its name. Beginning with a parenthesis: an element of
-        an array.
-    convert : str
-        Type of the field, ``signed`` or ``unsigned``; empty: the type of the port.
-    """
+    """One flat port."""
 
     name: str
-    width: str
-    comment: str
+    width: str  #: Upper bound of the vector, ``15`` or ``WORD_WIDTH - 1``; empty: std_logic.
+    comment: str  #: Unit, format or polarity, for the end of the line.
+    #: Field of the record it is copied to or from; empty: the port goes to the inner port of its
+    #: name, or, in a group, to the field of its name. Beginning with a parenthesis: an element of
+    #: an array.
     field: str = ""
+    #: Type of the field, ``signed`` or ``unsigned``; empty: the type of the port.
     convert: str = ""
 
 
 @dataclass(frozen=True)
 class Group:
-    """Ports that belong together.
+    """Ports that belong together."""
 
-    Attributes
-    ----------
-    comment : str
-        Line above the group, which begins new columns; empty: the group goes on with those of
-        the one before.
-    ports : tuple of Port
-    output : bool
-        Whether they are outputs.
-    record, kind : str
-        Inner port that is a record or an array, and its type; empty: the ports are the inner
-        entity's own. Two groups may share a record.
-    """
-
+    #: Line above the group, which begins new columns; empty: the group goes on with those of the
+    #: one before.
     comment: str
     ports: tuple[Port, ...]
-    output: bool = False
+    output: bool = False  #: Whether they are outputs.
+    #: Inner port that is a record or an array, and its type; empty: the ports are the inner
+    #: entity's own. Two groups may share a record.
     record: str = ""
     kind: str = ""
 
 
 @dataclass(frozen=True)
 class Shell:
-    """A shell.
+    """A shell."""
 
-    Attributes
-    ----------
-    entity, inner, folder : str
-        Names of the shell and of what it wraps; room of the file below ``rtl/``.
-    header : str
-        The shell's manual, without comment dashes.
-    packages : tuple of str
-        Packages of library work that are used.
-    generics : tuple of (name, type, default, comment)
-    groups : tuple of Group
-    fixed : tuple of (name, value)
-        Generics of the inner entity that the shell sets.
-    tied : tuple of (name, value)
-        Ports of the inner entity that the shell has not: a constant, or ``open`` for an output.
-    """
-
+    #: Names of the shell and of what it wraps; room of the file below ``rtl/``.
     entity: str
     inner: str
     folder: str
-    header: str
-    packages: tuple[str, ...]
-    generics: tuple[tuple[str, str, str, str], ...]
+    header: str  #: The shell's manual, without comment dashes.
+    packages: tuple[str, ...]  #: Packages of library work that are used.
+    generics: tuple[tuple[str, str, str, str], ...]  #: (name, type, default, comment).
     groups: tuple[Group, ...]
+    #: (name, value): generics of the inner entity that the shell sets.
     fixed: tuple[tuple[str, str], ...] = ()
+    #: (name, value): ports of the inner entity that the shell has not: a constant, or ``open`` for
+    #: an output.
     tied: tuple[tuple[str, str], ...] = ()
 
     @property

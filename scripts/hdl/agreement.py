@@ -47,18 +47,10 @@ class NotComparableError(ToolError):
 
 @dataclass(frozen=True)
 class Agreement:
-    """How much was compared.
+    """How much was compared."""
 
-    Attributes
-    ----------
-    clocks : int
-        Clocks.
-    known : float
-        Share of the output bits in these clocks that were compared.
-    """
-
-    clocks: int
-    known: float
+    clocks: int  #: Clocks.
+    known: float  #: Share of the output bits in these clocks that were compared.
 
     def __str__(self) -> str:
         return (

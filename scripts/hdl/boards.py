@@ -24,57 +24,31 @@ VECTORS = {"gates": 24, "leds": 4, "held_high": 3}
 
 @dataclass(frozen=True)
 class Board:
-    """A board.
+    """A board."""
 
-    Attributes
-    ----------
-    name, title
-        As `make bitstream` takes it; in words.
-    part
-        Device, package and speed grade.
-    clock_mhz, divide
-        Oscillator, and by how much board_top divides it for the core.
-    pll_mhz
-        What its PLL makes of the oscillator for the core, by controller; empty without one.
-    baud
-        UART rate it is built for.
-    controllers
-        Build options it has room for.
-    pins
-        Port (bit) to package pin.
-    source
-        Where the pins were taken from.
-    family
-        "ecp5", "xc7", "xc6s" or "xc3s".
-    notes
-        Lines for the constraint file's head.
-    pulls
-        Port to "UP" or "DOWN".
-    reconfigured_by
-        Pins through which another part of the board can have the FPGA reconfigured, and what stands
-        there; `held_high` is on each of them.
-    clock_standard
-        I/O standard of the clock where it is another than the rest's.
-    left_out
-        Options of MPDCC that it has no room for, generics of board_top that are false there.
-    """
-
+    #: As `make bitstream` takes it; in words.
     name: str
     title: str
-    part: str
+    part: str  #: Device, package and speed grade.
+    #: Oscillator, and by how much board_top divides it for the core.
     clock_mhz: int
     divide: int
-    baud: int
-    controllers: tuple[str, ...]
-    pins: dict[str, str]
-    source: str
-    family: str
-    notes: tuple[str, ...] = ()
+    baud: int  #: UART rate it is built for.
+    controllers: tuple[str, ...]  #: Build options it has room for.
+    pins: dict[str, str]  #: Port (bit) to package pin.
+    source: str  #: Where the pins were taken from.
+    family: str  #: "ecp5", "xc7", "xc6s" or "xc3s".
+    notes: tuple[str, ...] = ()  #: Lines for the constraint file's head.
+    #: I/O standard of the clock where it is another than the rest's.
     clock_standard: str = "LVCMOS33"
     tail: tuple[str, ...] = ()
+    #: What its PLL makes of the oscillator for the core, by controller; empty without one.
     pll_mhz: dict[str, int] = field(default_factory=dict)
-    pulls: dict[str, str] = field(default_factory=dict)
+    pulls: dict[str, str] = field(default_factory=dict)  #: Port to "UP" or "DOWN".
+    #: Pins through which another part of the board can have the FPGA reconfigured, and what stands
+    #: there; `held_high` is on each of them.
     reconfigured_by: dict[str, str] = field(default_factory=dict)
+    #: Options of MPDCC that it has no room for, generics of board_top that are false there.
     left_out: tuple[str, ...] = ()
 
     def core_mhz(self, controller: str) -> float:

@@ -503,24 +503,13 @@ _INTERFACE = re.compile(
 
 @dataclass(frozen=True)
 class Interface:
-    """What the declaration of an entity says.
+    """What the declaration of an entity says."""
 
-    Attributes
-    ----------
-    context : str
-        Libraries and packages that it uses.
-    declarations : str
-        Text of generics and ports.
-    generics : list of (list of str, str)
-        Names that are declared together, and their type.
-    ports : list of (list of str, str)
-        Likewise.
-    """
-
-    context: str
-    declarations: str
+    context: str  #: Libraries and packages that it uses.
+    declarations: str  #: Text of generics and ports.
+    #: (list of str, str): names that are declared together, and their type.
     generics: list[tuple[list[str], str]]
-    ports: list[tuple[list[str], str]]
+    ports: list[tuple[list[str], str]]  #: (list of str, str): likewise.
 
 
 _VHDL_COMMENT = re.compile(r"--[^\n]*|/\*.*?\*/", re.S)

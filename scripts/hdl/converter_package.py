@@ -131,19 +131,12 @@ def _numbers(leg: Converter) -> range:
 
 @dataclass(frozen=True)
 class Commutation:
-    """An order of single gates, and a cube of edges that takes it.
+    """An order of single gates, and a cube of edges that takes it."""
 
-    Attributes
-    ----------
-    care, value : str
-        In which bits origin and goal differ, then the origin: which count, and what they are.
-    gates : tuple of int
-        Gates in the order in which they change.
-    """
-
+    #: In which bits origin and goal differ, then the origin: which count, and what they are.
     care: str
     value: str
-    gates: tuple[int, ...]
+    gates: tuple[int, ...]  #: Gates in the order in which they change.
 
     def holds(self, edge: str) -> bool:
         """Whether an edge, six bits, is in the cube."""

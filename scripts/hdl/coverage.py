@@ -55,22 +55,13 @@ _FOLD = "; ".join(["opt_expr -fine", "opt_dff"] * 5)
 
 @dataclass(frozen=True)
 class Condition:
-    """One condition of the VHDL.
+    """One condition of the VHDL."""
 
-    Attributes
-    ----------
-    file
-        Name of the VHDL file.
-    line, column
-        Where GHDL says it stands.
-    arm
-        Choice of a case; empty for an `if`.
-    """
-
-    file: str
+    file: str  #: Name of the VHDL file.
+    #: Where GHDL says it stands.
     line: int
     column: int
-    arm: str = ""
+    arm: str = ""  #: Choice of a case; empty for an `if`.
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}{' arm ' + self.arm if self.arm else ''}"
@@ -92,17 +83,11 @@ class _Module:
 
 @dataclass
 class Seen:
-    """What was seen of an entity.
+    """What was seen of an entity."""
 
-    Attributes
-    ----------
-    conditions
-        Condition -> 1 where it was false, 2 where it was true, 3 for both.
-    bits
-        Signal and bit -> 1 where it has fallen, 2 where it has risen, 3 for both.
-    """
-
+    #: Condition -> 1 where it was false, 2 where it was true, 3 for both.
     conditions: dict[Condition, int] = field(default_factory=dict)
+    #: Signal and bit -> 1 where it has fallen, 2 where it has risen, 3 for both.
     bits: dict[tuple[str, int], int] = field(default_factory=dict)
 
     def join(self, other: Seen) -> None:

@@ -18,41 +18,22 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Loop:
-    """A plant and what it is asked to do, for a closed loop around the RTL.
+    """A plant and what it is asked to do, for a closed loop around the RTL."""
 
-    Attributes
-    ----------
-    drive : Drive
-        What the controller is set up for.
-    state : (8,)
-        Plant state at the first step, see `plant`.
-    s_start : (3,)
-        Switch positions before the first step.
-    vdc, omega_s, omega_r : (n,)
-        dc-link voltage and speeds per step, per unit.
-    iref : (n, 2)
-        Current reference per step, per unit.
-    delay
-        Whether a decision takes effect one step after the state it is based on.
-    errors : DriveErrors
-        Of sensors and switches; `vdc` has the ripple already.
-    plant_drive : Drive or None
-        Machine and inverter of the plant if they are not the drive's.
-    flux_observer : bool
-        Whether the controller sees the rotor flux of the observer's bit-true model, which goes on
-        from the plant's in the first step, in place of the plant's.
-    """
-
-    drive: Drive
-    state: FloatArray
-    s_start: IntArray
+    drive: Drive  #: What the controller is set up for.
+    state: FloatArray  #: (8,): plant state at the first step, see `plant`.
+    s_start: IntArray  #: (3,): switch positions before the first step.
+    #: (n,): dc-link voltage and speeds per step, per unit.
     vdc: FloatArray
     omega_s: FloatArray
     omega_r: FloatArray
-    iref: FloatArray
-    delay: bool = False
-    errors: DriveErrors = NO_ERRORS
+    iref: FloatArray  #: (n, 2): current reference per step, per unit.
+    delay: bool = False  #: Whether a decision takes effect one step after the state it is based on.
+    errors: DriveErrors = NO_ERRORS  #: Of sensors and switches; `vdc` has the ripple already.
+    #: Machine and inverter of the plant if they are not the drive's.
     plant_drive: Drive | None = None
+    #: Whether the controller sees the rotor flux of the observer's bit-true model, which goes on
+    #: from the plant's in the first step, in place of the plant's.
     flux_observer: bool = False
 
     def plant(self) -> Plant:

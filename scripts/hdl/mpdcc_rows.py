@@ -49,19 +49,11 @@ DECIDE = {"paper": bit_true.decide_words, "fast": bit_true_fast.decide_words}
 
 @dataclass(frozen=True)
 class Rows:
-    """Independent decisions to make.
+    """Independent decisions to make."""
 
-    Attributes
-    ----------
-    measurements : (n, 13)
-    s_prev : (n, 3)
-    registers : (n, 44)
-        Parameter ports of each row.
-    """
-
-    measurements: IntArray
-    s_prev: IntArray
-    registers: IntArray
+    measurements: IntArray  #: (n, 13).
+    s_prev: IntArray  #: (n, 3).
+    registers: IntArray  #: (n, 44): parameter ports of each row.
 
     def __len__(self) -> int:
         return len(self.measurements)
@@ -197,25 +189,13 @@ def slow_rows(variant: str) -> Rows:
 
 @dataclass(frozen=True)
 class Answers:
-    """What the RTL said.
+    """What the RTL said."""
 
-    Attributes
-    ----------
-    decisions : (n, 7)
-        Columns as of ``Rows.model``.
-    cycles : (n,)
-    bound : int
-        Most clocks a decision may take, as the bench asserts it; of the last row.
-    exhausted : (n,)
-        1 where the budget ended the search.
-    early : (n, 7) or None
-        Decisions that were out with the edge that saw a reset, else -1.
-    """
-
-    decisions: IntArray
-    cycles: IntArray
-    bound: int
-    exhausted: IntArray
+    decisions: IntArray  #: (n, 7): columns as of ``Rows.model``.
+    cycles: IntArray  #: (n,).
+    bound: int  #: Most clocks a decision may take, as the bench asserts it; of the last row.
+    exhausted: IntArray  #: (n,): 1 where the budget ended the search.
+    #: (n, 7): decisions that were out with the edge that saw a reset, else -1.
     early: IntArray | None = None
 
 

@@ -19,82 +19,46 @@ FAMILY_METHODS = {name: place for place, name in enumerate(SEQUENCE_METHODS, sta
 
 @dataclass(frozen=True)
 class Loop:
-    """A plant with a shaft and a speed controller, for a closed loop around the RTL.
-
-    Attributes
-    ----------
-    plant : PlantParameters
-    scales, lows, highs : (8,)
-        Formats of the measurements, as ``bit_true.parameters`` returns them.
-    vdc : float
-        What the controller is told, V.
-    torque_ref, psi_ref, load, speed_ref : (n,)
-        As in `closed_loop.Scenario`.
-    use_speed : bool
-        Whether the speed controller is in the loop.
-    gains : tuple
-        Of the speed controller.
-    current, flux : complex
-        Plant state at the first step.
-    omega_r : float
-        Electrical speed at the first step, rad/s.
-    errors : CompiledErrors
-        Of sensors and switches; none unless given.
-    """
+    """A plant with a shaft and a speed controller, for a closed loop around the RTL."""
 
     plant: PlantParameters
+    #: (8,): formats of the measurements, as ``bit_true.parameters`` returns them.
     scales: FloatArray
     lows: FloatArray
     highs: FloatArray
-    vdc: float
+    vdc: float  #: What the controller is told, V.
+    #: (n,): as in `closed_loop.Scenario`.
     torque_ref: FloatArray
     psi_ref: FloatArray
     load: FloatArray
     speed_ref: FloatArray
-    use_speed: bool
-    gains: tuple[float, float, float]
+    use_speed: bool  #: Whether the speed controller is in the loop.
+    gains: tuple[float, float, float]  #: Of the speed controller.
+    #: Plant state at the first step.
     current: complex
     flux: complex
-    omega_r: float
-    errors: CompiledErrors = EXACT
+    omega_r: float  #: Electrical speed at the first step, rad/s.
+    errors: CompiledErrors = EXACT  #: Of sensors and switches; none unless given.
 
 
 @dataclass
 class Job(simulator.Job):
-    """What the simulator has to do; see ``simulate``.
+    """What the simulator has to do; see ``simulate``."""
 
-    Attributes
-    ----------
-    registers, measurements, u
-        Of `Registers.array`, (n, 8) and (n,).
-    flux_control : bool
-        Generic of the core.
-    family : bool
-        Whether it is ``mptc_family_core``.
-    loop : Loop, optional
-        Instead of rows.
-    each_registers : (n, 13), optional
-        Registers of each row.
-    family_method : (n,), optional
-        Port `family_method` of each row; 0 without.
-    duty_rule : (n,), optional
-        Port `duty_rule` of each row; 0 without.
-    applied : (n, 5), optional
-        u1, u2, u3, t1, t2 of each row; `u` for the whole period without.
-    wanted : (n, 10), optional
-        Decisions and sequences that are expected: the first row with others is the last one.
-    """
-
+    #: Of `Registers.array`, (n, 8) and (n,).
     registers: IntArray
     measurements: IntArray
     u: IntArray
-    flux_control: bool = True
-    loop: Loop | None = None
-    each_registers: IntArray | None = None
-    family: bool = False
-    family_method: IntArray | None = None
-    duty_rule: IntArray | None = None
+    flux_control: bool = True  #: Generic of the core.
+    loop: Loop | None = None  #: Instead of rows.
+    each_registers: IntArray | None = None  #: (n, 13): registers of each row.
+    family: bool = False  #: Whether it is ``mptc_family_core``.
+    family_method: IntArray | None = None  #: (n,): port `family_method` of each row; 0 without.
+    duty_rule: IntArray | None = None  #: (n,): port `duty_rule` of each row; 0 without.
+    #: (n, 5): u1, u2, u3, t1, t2 of each row; `u` for the whole period without.
     applied: IntArray | None = None
+    #: (n, 10): decisions and sequences that are expected: the first row with others is the last
+    #: one.
     wanted: IntArray | None = None
 
     @property

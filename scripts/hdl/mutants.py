@@ -66,31 +66,18 @@ _BODIES = {"process", "function", "procedure"}
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change of a file.
+    """One change of a file."""
 
-    Attributes
-    ----------
-    kind
-        One of ``KINDS``.
-    start, end
-        Characters of the file that go, as a slice.
-    new
-        What stands there instead.
-    line
-        Number of the first changed line, from 1.
-    before, after
-        The changed lines without comments, blanks squeezed.
-    place
-        Its number among the changes of the file with the same `before` and `after`, from 1.
-    """
-
-    kind: str
+    kind: str  #: One of ``KINDS``.
+    #: Characters of the file that go, as a slice.
     start: int
     end: int
-    new: str
-    line: int
+    new: str  #: What stands there instead.
+    line: int  #: Number of the first changed line, from 1.
+    #: The changed lines without comments, blanks squeezed.
     before: str
     after: str
+    #: Its number among the changes of the file with the same `before` and `after`, from 1.
     place: int
 
     @property

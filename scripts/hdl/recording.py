@@ -28,18 +28,10 @@ Values = dict[str, list[int | None]]
 
 @dataclass(frozen=True)
 class Recorded:
-    """Ports of an entity during a run.
+    """Ports of an entity during a run."""
 
-    Attributes
-    ----------
-    values
-        Of each port in each clock.
-    bits
-        Width of each port.
-    """
-
-    values: Values
-    bits: dict[str, int]
+    values: Values  #: Of each port in each clock.
+    bits: dict[str, int]  #: Width of each port.
 
 
 class RecordingError(ToolError):

@@ -45,24 +45,14 @@ DEFAULT_EXPLORERS = 2
 
 @dataclass(frozen=True)
 class Request:
-    """What a replay was asked for.
+    """What a replay was asked for."""
 
-    Attributes
-    ----------
-    drive, trace
-        Files to read.
-    out
-        File to write the decisions to.
-    engine
-        One of ``ENGINES``.
-    explorers, variant
-        Configuration of ``mpdcc_core``; an MPTC drive ignores them.
-    """
-
+    #: Files to read.
     drive: Path
     trace: Path
-    out: Path
-    engine: str
+    out: Path  #: File to write the decisions to.
+    engine: str  #: One of ``ENGINES``.
+    #: Configuration of ``mpdcc_core``; an MPTC drive ignores them.
     explorers: int
     variant: str
 

@@ -54,20 +54,13 @@ class CancelledError(Exception):
 
 @dataclass
 class Job:
-    """What a simulator has to do; a core's own jobs add what it has to be told.
+    """What a simulator has to do; a core's own jobs add what it has to be told."""
 
-    Attributes
-    ----------
-    folder : Path
-        Where the job's files are; set by `simulate`.
-    waves : Path or None
-        File for every signal of the run, in the format FST; none is written if None.
-    native : bool
-        Whether the native library of the core decides, in place of GHDL.
-    """
-
+    #: Where the job's files are; set by `simulate`.
     folder: Path = field(default_factory=Path, kw_only=True)
+    #: File for every signal of the run, in the format FST; none is written if None.
     waves: Path | None = field(default=None, kw_only=True)
+    #: Whether the native library of the core decides, in place of GHDL.
     native: bool = field(default=False, kw_only=True)
 
     @property
@@ -88,27 +81,13 @@ class Job:
 
 @dataclass(frozen=True)
 class Bench:
-    """What is built and run around a job.
+    """What is built and run around a job."""
 
-    Attributes
-    ----------
-    units : tuple of str
-        Entities whose files are compiled, with all they need.
-    toplevel : str
-        File of the bench in VHDL, named as its entity.
-    module : str
-        Python side of the bench.
-    generics : mapping
-        Of the bench.
-    rtl : str
-        Folder of the design, the project's if empty.
-    """
-
-    units: tuple[str, ...]
-    toplevel: str
-    module: str
-    generics: Mapping[str, int | str]
-    rtl: str = ""
+    units: tuple[str, ...]  #: Entities whose files are compiled, with all they need.
+    toplevel: str  #: File of the bench in VHDL, named as its entity.
+    module: str  #: Python side of the bench.
+    generics: Mapping[str, int | str]  #: Of the bench.
+    rtl: str = ""  #: Folder of the design, the project's if empty.
 
 
 class Progress:

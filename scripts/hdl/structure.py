@@ -30,51 +30,29 @@ class StructureError(ToolError):
 
 @dataclass(frozen=True)
 class Block:
-    """An instance or a process.
+    """An instance or a process."""
 
-    Attributes
-    ----------
-    label
-        Its own.
-    entity
-        What is instantiated; empty for a process.
-    condition
-        The `generate` around it, "if X" or "for i in a to b", from outside to inside; mostly empty.
-    reads, drives
-        Signals and ports of the architecture.
-    """
-
-    label: str
-    entity: str
+    label: str  #: Its own.
+    entity: str  #: What is instantiated; empty for a process.
+    #: The `generate` around it, "if X" or "for i in a to b", from outside to inside; mostly empty.
     condition: str
+    #: Signals and ports of the architecture.
     reads: frozenset[str]
     drives: frozenset[str]
 
 
 @dataclass(frozen=True)
 class Structure:
-    """An architecture.
+    """An architecture."""
 
-    Attributes
-    ----------
-    entity
-        Whose it is.
-    inputs, outputs
-        Ports in order.
-    blocks
-        In order.
-    wires
-        Driven signal and the signals read, for each assignment outside of a process.
-    clocks
-        Clocks, which every register reads.
-    """
-
-    entity: str
+    entity: str  #: Whose it is.
+    #: Ports in order.
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    blocks: tuple[Block, ...]
+    blocks: tuple[Block, ...]  #: In order.
+    #: Driven signal and the signals read, for each assignment outside of a process.
     wires: tuple[tuple[str, frozenset[str]], ...]
-    clocks: frozenset[str]
+    clocks: frozenset[str]  #: Clocks, which every register reads.
 
     def origins(self, signal: str) -> frozenset[str]:
         """Who drives a signal, directly or through wiring."""

@@ -234,25 +234,14 @@ class VirtualBoard:
 
 @dataclass(frozen=True)
 class Seen:
-    """What came of one order.
+    """What came of one order."""
 
-    Attributes
-    ----------
-    uart, spi
-        Bytes the board has sent.
-    changes
-        Changes of the gates meanwhile.
-    gates
-        The gates now.
-    clock
-        Clocks since the start.
-    """
-
+    #: Bytes the board has sent.
     uart: bytes
     spi: bytes
-    changes: int
-    gates: int
-    clock: int
+    changes: int  #: Changes of the gates meanwhile.
+    gates: int  #: The gates now.
+    clock: int  #: Clocks since the start.
 
 
 class Script:

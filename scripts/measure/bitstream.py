@@ -44,17 +44,10 @@ EFFORT = ("--placer-heap-timingweight", "40", "--tmg-ripup")
 
 @dataclass(frozen=True)
 class Placed:
-    """One seed.
+    """One seed."""
 
-    Attributes
-    ----------
-    seed
-        Of the placement.
-    report, config
-        Files nextpnr wrote.
-    """
-
-    seed: int
+    seed: int  #: Of the placement.
+    #: Files nextpnr wrote.
     report: Path
     config: Path
 

@@ -70,26 +70,17 @@ _HEAD = """\
 
 @dataclass
 class Budgets:
-    """The figures.
+    """The figures."""
 
-    Attributes
-    ----------
-    tools
-        Versions the resources were measured with.
-    resources
-        Configuration's name, family, figure.
-    luts_with
-        Beginning of another GHDL's version, configuration's name, family, LUTs.
-    unchanged
-        Configuration's name, family, what `mark` returned when it was measured.
-    cycles
-        Entity, then figures, or variants of figures.
-    """
-
+    #: Versions the resources were measured with.
     tools: dict[str, str] = field(default_factory=dict)
+    #: Configuration's name, family, figure.
     resources: dict[str, dict[str, dict[str, int]]] = field(default_factory=dict)
+    #: Beginning of another GHDL's version, configuration's name, family, LUTs.
     luts_with: dict[str, dict[str, dict[str, int]]] = field(default_factory=dict)
+    #: Configuration's name, family, what `mark` returned when it was measured.
     unchanged: dict[str, dict[str, str]] = field(default_factory=dict)
+    #: Entity, then figures, or variants of figures.
     cycles: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
@@ -428,18 +419,10 @@ def _chosen(listed: Sequence[Configuration], words: Sequence[str]) -> list[Confi
 
 @dataclass
 class Stored:
-    """What `measure_anew` did.
+    """What `measure_anew` did."""
 
-    Attributes
-    ----------
-    moved
-        Figures that are others than before, one line each.
-    problems
-        Entities without an entry, and entries of nothing, one line each.
-    """
-
-    moved: list[str]
-    problems: list[str]
+    moved: list[str]  #: Figures that are others than before, one line each.
+    problems: list[str]  #: Entities without an entry, and entries of nothing, one line each.
 
 
 def measure_anew(words: Sequence[str], jobs: int, with_cycles: bool = True) -> Stored:

@@ -167,71 +167,42 @@ class Baseline(Section):
 
 @dataclass(frozen=True)
 class Request:
-    """What is to be measured.
+    """What is to be measured."""
 
-    Attributes
-    ----------
-    drive, trace
-        Files.
-    explorers, variant
-        Of `replay.Request`.
-    family
-        Of the synthesis.
-    """
-
+    #: Files.
     drive: Path
     trace: Path
+    #: Of `replay.Request`.
     explorers: int = replay.DEFAULT_EXPLORERS
     variant: str = DEFAULT_VARIANT
-    family: str = DEFAULT_FAMILY
+    family: str = DEFAULT_FAMILY  #: Of the synthesis.
 
 
 @dataclass(frozen=True)
 class Measured:
-    """What a core does now.
+    """What a core does now."""
 
-    Attributes
-    ----------
-    drive_sha256, trace_sha256
-        Digests of the inputs.
-    tools
-        Versions as of `budgets.versions`.
-    rtl, model, ideal
-        Decisions files as text.
-    resources
-        `FIGURES` of the core.
-    """
-
+    #: Digests of the inputs.
     drive_sha256: str
     trace_sha256: str
-    tools: dict[str, str]
+    tools: dict[str, str]  #: Versions as of `budgets.versions`.
+    #: Decisions files as text.
     rtl: str
     model: str
     ideal: str
-    resources: dict[str, int]
+    resources: dict[str, int]  #: `FIGURES` of the core.
 
 
 @dataclass(frozen=True)
 class Case:
-    """One comparison.
+    """One comparison."""
 
-    Attributes
-    ----------
-    key
-        What is compared; a key of the baseline with dots.
-    found, expected
-        What was measured, and what the baseline says.
-    allowed
-        How far they may be apart, in words.
-    message
-        What is wrong, empty if nothing is.
-    """
-
-    key: str
+    key: str  #: What is compared; a key of the baseline with dots.
+    #: What was measured, and what the baseline says.
     found: str
     expected: str
-    allowed: str = "no difference"
-    message: str = ""
+    allowed: str = "no difference"  #: How far they may be apart, in words.
+    message: str = ""  #: What is wrong, empty if nothing is.
 
     @property
     def passed(self) -> bool:
@@ -241,24 +212,15 @@ class Case:
 
 @dataclass
 class Suite:
-    """All comparisons with one baseline.
+    """All comparisons with one baseline."""
 
-    Attributes
-    ----------
-    file
-        The baseline.
-    drive, trace
-        Files that were used.
-    cases
-        Comparisons, in the order of the file's keys.
-    tools
-        Versions that measured; empty if measuring failed.
-    """
-
-    file: Path
+    file: Path  #: The baseline.
+    #: Files that were used.
     drive: Path
     trace: Path
+    #: Comparisons, in the order of the file's keys.
     cases: list[Case] = field(default_factory=list)
+    #: Versions that measured; empty if measuring failed.
     tools: dict[str, str] = field(default_factory=dict)
 
     @property

@@ -280,21 +280,11 @@ CHECKS: dict[str, Callable[[], list[str]]] = {
 
 @dataclass(frozen=True)
 class Finding:
-    """What one check found.
+    """What one check found."""
 
-    Attributes
-    ----------
-    name : str
-        Of the check.
-    lines : list of str
-        What is to be mended; none if the check passed.
-    seconds : float
-        How long it took.
-    """
-
-    name: str
-    lines: list[str]
-    seconds: float
+    name: str  #: Of the check.
+    lines: list[str]  #: What is to be mended; none if the check passed.
+    seconds: float  #: How long it took.
 
 
 def named(words: Sequence[str]) -> list[str]:

@@ -66,30 +66,14 @@ class MutationError(ToolError):
 
 @dataclass(frozen=True)
 class Unit:
-    """One unit of the design.
+    """One unit of the design."""
 
-    Attributes
-    ----------
-    name
-        Entity or package.
-    file
-        Its VHDL, below the project's root.
-    tests
-        Its own benches, as pytest selects them.
-    above
-        Benches and proofs of what stands above it.
-    top
-        Entity whose netlists are compared; empty for none.
-    configurations
-        Generics with which they are.
-    """
-
-    name: str
-    file: Path
-    tests: tuple[str, ...]
-    above: tuple[str, ...]
-    top: str
-    configurations: tuple[Generics, ...]
+    name: str  #: Entity or package.
+    file: Path  #: Its VHDL, below the project's root.
+    tests: tuple[str, ...]  #: Its own benches, as pytest selects them.
+    above: tuple[str, ...]  #: Benches and proofs of what stands above it.
+    top: str  #: Entity whose netlists are compared; empty for none.
+    configurations: tuple[Generics, ...]  #: Generics with which they are.
 
 
 # --- the list -------------------------------------------------------------------------------------
@@ -172,21 +156,11 @@ def named(names: Iterable[str], units: Sequence[Unit]) -> list[Unit]:
 
 @dataclass(frozen=True)
 class Argument:
-    """Why a mutant that survives does the same.
+    """Why a mutant that survives does the same."""
 
-    Attributes
-    ----------
-    unit
-        Entity or package.
-    name
-        The mutant's, as of `Mutant`.
-    why
-        One or two sentences.
-    """
-
-    unit: str
-    name: tuple[str, str, int]
-    why: str
+    unit: str  #: Entity or package.
+    name: tuple[str, str, int]  #: The mutant's, as of `Mutant`.
+    why: str  #: One or two sentences.
 
 
 def arguments(path: Path = ARGUED) -> list[Argument]:
@@ -313,19 +287,12 @@ def _store(unit: Unit, found: Mapping[str, Any], folder: Path) -> None:
 
 @dataclass(frozen=True)
 class Unchanged:
-    """What benches take where nothing is changed.
+    """What benches take where nothing is changed."""
 
-    Attributes
-    ----------
-    work, one
-        Processor time that all of them, and a single test, may take with a change.
-    each
-        Processor time of each test without.
-    """
-
+    #: Processor time that all of them, and a single test, may take with a change.
     work: float
     one: float
-    each: Mapping[str, float]
+    each: Mapping[str, float]  #: Processor time of each test without.
 
 
 class Workshop:
@@ -716,20 +683,12 @@ def mutate_all(
 
 @dataclass(frozen=True)
 class Score:
-    """What came of the mutants of a unit.
+    """What came of the mutants of a unit."""
 
-    Attributes
-    ----------
-    unit
-        Its name.
-    outcomes
-        How many by outcome; "argued" are those that survived and are argued to do the same.
-    survivors, argued
-        Their rows.
-    """
-
-    unit: str
+    unit: str  #: Its name.
+    #: How many by outcome; "argued" are those that survived and are argued to do the same.
     outcomes: Mapping[str, int]
+    #: Their rows.
     survivors: tuple[Mapping[str, Any], ...]
     argued: tuple[Mapping[str, Any], ...]
 

@@ -68,101 +68,50 @@ class ProofError(ToolError):
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault that a property has to notice.
+    """A fault that a property has to notice."""
 
-    Attributes
-    ----------
-    unit
-        Entity or package whose file is changed.
-    text, fault
-        What stands there, once, and what is put in its place.
-    configuration
-        In which configuration.
-    """
-
-    unit: str
+    unit: str  #: Entity or package whose file is changed.
+    #: What stands there, once, and what is put in its place.
     text: str
     fault: str
-    configuration: str
+    configuration: str  #: In which configuration.
 
 
 @dataclass(frozen=True)
 class Property:
-    """One property.
+    """One property."""
 
-    Attributes
-    ----------
-    name
-        As in ``prove_<name>``.
-    says
-        What it says, one sentence without a full stop.
-    fault
-        What breaks it.
-    """
-
-    name: str
-    says: str
-    fault: Fault
+    name: str  #: As in ``prove_<name>``.
+    says: str  #: What it says, one sentence without a full stop.
+    fault: Fault  #: What breaks it.
 
 
 @dataclass(frozen=True)
 class Proof:
-    """Properties of one entity.
+    """Properties of one entity."""
 
-    Attributes
-    ----------
-    entity
-        Entity of the design.
-    top
-        Unit that is converted: the entity, or one around it that tells the properties in VHDL.
-    files
-        VHDL of `top` where it is not the entity itself.
-    module
-        File with the module ``proof``.
-    assumes
-        What is taken for granted, in words; empty for nothing.
-    free
-        Units inside whose outputs may be anything in any clock.
-    configurations
-        Name -> generics.
-    properties
-        What is proven.
-    """
-
-    entity: str
+    entity: str  #: Entity of the design.
+    #: Unit that is converted: the entity, or one around it that tells the properties in VHDL.
     top: str
-    files: tuple[Path, ...]
-    module: Path
-    assumes: str
-    free: tuple[str, ...]
-    configurations: Mapping[str, Generics]
-    properties: tuple[Property, ...]
+    files: tuple[Path, ...]  #: VHDL of `top` where it is not the entity itself.
+    module: Path  #: File with the module ``proof``.
+    assumes: str  #: What is taken for granted, in words; empty for nothing.
+    free: tuple[str, ...]  #: Units inside whose outputs may be anything in any clock.
+    configurations: Mapping[str, Generics]  #: Name -> generics.
+    properties: tuple[Property, ...]  #: What is proven.
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a proof in one configuration.
+    """What came of a proof in one configuration."""
 
-    Attributes
-    ----------
-    entity, configuration
-        Of which.
-    proven
-        Properties and facts that hold, with the blocks they lie in.
-    refuted
-        Those for which the solver has found a state that breaks them.
-    unanswered
-        Those it has not decided in time.
-    seconds
-        Conversion and solver.
-    """
-
+    #: Of which.
     entity: str
     configuration: str
-    proven: tuple[str, ...]
-    refuted: tuple[str, ...]
-    unanswered: tuple[str, ...]
-    seconds: float
+    proven: tuple[str, ...]  #: Properties and facts that hold, with the blocks they lie in.
+    refuted: tuple[str, ...]  #: Those for which the solver has found a state that breaks them.
+    unanswered: tuple[str, ...]  #: Those it has not decided in time.
+    seconds: float  #: Conversion and solver.
 
     @property
     def facts(self) -> int:

@@ -60,18 +60,10 @@ _LUT_RAMS = ("RAM16X1", "RAM32X1", "RAM64X1")
 
 @dataclass(frozen=True)
 class Longest:
-    """The longest path between registers.
+    """The longest path between registers."""
 
-    Attributes
-    ----------
-    delay : float
-        ns, from clock edge to clock edge.
-    cells : tuple of str
-        Types of the cells on it, in order.
-    """
-
-    delay: float
-    cells: tuple[str, ...]
+    delay: float  #: ns, from clock edge to clock edge.
+    cells: tuple[str, ...]  #: Types of the cells on it, in order.
 
     @property
     def levels(self) -> int:

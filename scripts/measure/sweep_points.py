@@ -55,35 +55,21 @@ TRAJECTORY_WORDS = (
 
 @dataclass(frozen=True)
 class Point:
-    """One design.
+    """One design."""
 
-    Attributes
-    ----------
-    dimension, setting
-        What is swept, and its value, for people.
-    variant, explorers
-        Generics of the core.
-    trajectory
-        Bits added to every trajectory word, 0 or fewer: with more, bounds do not fit their ports.
-    cost_fraction
-        Fractional bits of the cost, or None for the default.
-    length_width
-        Bits of a length; the horizon is 2**length_width - 1.
-    turn_shift
-        Bits of the slope that the test for a turn leaves out, or None.
-    seeds
-        Of placement; 0: not placed.
-    """
-
+    #: What is swept, and its value, for people.
     dimension: str
     setting: str
+    #: Generics of the core.
     variant: str = "fast"
     explorers: int = 1
+    #: Bits added to every trajectory word, 0 or fewer: with more, bounds do not fit their ports.
     trajectory: int = 0
-    cost_fraction: int | None = None
-    length_width: int | None = None
+    cost_fraction: int | None = None  #: Fractional bits of the cost, or None for the default.
+    length_width: int | None = None  #: Bits of a length; the horizon is 2**length_width - 1.
+    #: Bits of the slope that the test for a turn leaves out, or None.
     turn_shift: int | None = None
-    seeds: int = 0
+    seeds: int = 0  #: Of placement; 0: not placed.
 
     @property
     def is_default(self) -> bool:

@@ -322,18 +322,11 @@ def table(rows: list[tuple[Configuration, dict[str, dict[str, Any]]]]) -> Table:
 
 @dataclass
 class Measured:
-    """What `measure_all` found.
+    """What `measure_all` found."""
 
-    Attributes
-    ----------
-    rows
-        Configurations with their figures by family, as far as they could be had.
-    problems
-        What failed, one line each.
-    """
-
+    #: Configurations with their figures by family, as far as they could be had.
     rows: list[tuple[Configuration, dict[str, dict[str, Any]]]]
-    problems: list[str]
+    problems: list[str]  #: What failed, one line each.
 
 
 def measure_all(

@@ -38,24 +38,15 @@ _LEFT_OUT = ("Licence", "Considered and rejected")
 
 @dataclass(frozen=True)
 class Port:
-    """One generic or port.
+    """One generic or port."""
 
-    Attributes
-    ----------
-    name, kind, default, comment
-        As the VHDL declares it; `default` is empty where there is none.
-    direction
-        "in", "out" or "inout"; empty for a generic.
-    group
-        Comment line above it and its neighbours; empty where there is none.
-    """
-
+    #: As the VHDL declares it; `default` is empty where there is none.
     name: str
     kind: str
     default: str
     comment: str
-    direction: str
-    group: str
+    direction: str  #: "in", "out" or "inout"; empty for a generic.
+    group: str  #: Comment line above it and its neighbours; empty where there is none.
 
 
 def header(text: str) -> list[tuple[str, str]]:

@@ -43,21 +43,11 @@ TITLES = {
 
 @dataclass(frozen=True)
 class Room:
-    """A box of the picture.
+    """A box of the picture."""
 
-    Attributes
-    ----------
-    package
-        Package it lies in.
-    name
-        Its name there; empty for the modules of the package that lie in no room.
-    modules
-        Names of its modules, without those of packages.
-    """
-
-    package: str
-    name: str
-    modules: tuple[str, ...]
+    package: str  #: Package it lies in.
+    name: str  #: Its name there; empty for the modules of the package that lie in no room.
+    modules: tuple[str, ...]  #: Names of its modules, without those of packages.
 
 
 def rules(name: str, path: Path = ROOT / ".importlinter") -> list[str]:

@@ -89,24 +89,12 @@ class Figures:
 
 
 class Claim(NamedTuple):
-    """A statement of the paper, and what is found here.
+    """A statement of the paper, and what is found here."""
 
-    Attributes
-    ----------
-    source : str
-        Figure or section.
-    text : str
-        The statement.
-    found : str
-        Figures here.
-    holds : str
-        "yes", "no" or "in part", with the speeds.
-    """
-
-    source: str
-    text: str
-    found: str
-    holds: str
+    source: str  #: Figure or section.
+    text: str  #: The statement.
+    found: str  #: Figures here.
+    holds: str  #: "yes", "no" or "in part", with the speeds.
 
 
 def _list(values: Iterable[float], form: str) -> str:

@@ -29,26 +29,13 @@ from scripts.studies.torture import run as torture
 
 @dataclass(frozen=True)
 class Figure:
-    """What is stored of one command.
+    """What is stored of one command."""
 
-    Attributes
-    ----------
-    name
-        In lower case, with hyphens.
-    commit
-        At which it was measured; "-dirty" at its end if files differed.
-    modules
-        That measured it; all that they import counts too.
-    data
-        Files that it depends on, besides.
-    versions
-        Tool -> version it was measured with, where that is stored.
-    """
-
-    name: str
-    commit: str
-    modules: tuple[str, ...]
-    data: tuple[Path, ...] = ()
+    name: str  #: In lower case, with hyphens.
+    commit: str  #: At which it was measured; "-dirty" at its end if files differed.
+    modules: tuple[str, ...]  #: That measured it; all that they import counts too.
+    data: tuple[Path, ...] = ()  #: Files that it depends on, besides.
+    #: Tool -> version it was measured with, where that is stored.
     versions: Mapping[str, str] = field(default_factory=dict)
 
 

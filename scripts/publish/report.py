@@ -125,18 +125,10 @@ STAGES = (
 
 @dataclass(frozen=True)
 class Design:
-    """How one variant appears in the figures.
+    """How one variant appears in the figures."""
 
-    Attributes
-    ----------
-    key
-        Its object in metrics.json.
-    folded
-        The generic FOLDED of the core.
-    """
-
-    key: str
-    folded: bool
+    key: str  #: Its object in metrics.json.
+    folded: bool  #: The generic FOLDED of the core.
 
 
 DESIGNS = {"fast": Design("mpdcc", False), "paper": Design("mpdcc_paper", True)}
@@ -348,19 +340,12 @@ def _generics(variant: str, explorers: int) -> tools.Generics:
 
 @dataclass(frozen=True)
 class Placement:
-    """A configuration whose clock frequency is published.
+    """A configuration whose clock frequency is published."""
 
-    Attributes
-    ----------
-    entity, generics
-        What is placed.
-    place
-        Where its frequency stands in metrics.json, keys from the outermost.
-    """
-
+    #: What is placed.
     entity: str
     generics: tools.Generics
-    place: tuple[str, ...]
+    place: tuple[str, ...]  #: Where its frequency stands in metrics.json, keys from the outermost.
 
     @property
     def name(self) -> str:

@@ -40,37 +40,21 @@ Clocks = list[dict[str, int]]
 
 @dataclass(frozen=True)
 class Scene:
-    """What is recorded and shown.
+    """What is recorded and shown."""
 
-    Attributes
-    ----------
-    title
-        What happens.
-    clocks
-        Inputs that change, of each clock.
-    shown
-        Ports from top to bottom.
-    generics
-        Those that are not the default.
-    first, last
-        Clocks that are shown; what comes before prepares it. All behind `first` where `last` is 0.
-    around
-        Entity that is run, with the one that is shown inside; empty: that one itself.
-    within
-        Labels that lead to the instance inside whose signals are shown.
-    inside
-        Entity of that instance, whose file has the signals' comments.
-    """
-
-    title: str
-    clocks: Clocks
-    shown: tuple[str, ...]
+    title: str  #: What happens.
+    clocks: Clocks  #: Inputs that change, of each clock.
+    shown: tuple[str, ...]  #: Ports from top to bottom.
+    #: Those that are not the default.
     generics: Mapping[str, int | bool] = field(default_factory=dict)
+    #: Clocks that are shown; what comes before prepares it. All behind `first` where `last` is 0.
     first: int = 0
     last: int = 0
+    #: Entity that is run, with the one that is shown inside; empty: that one itself.
     around: str = ""
+    #: Labels that lead to the instance inside whose signals are shown.
     within: tuple[str, ...] = ()
-    inside: str = ""
+    inside: str = ""  #: Entity of that instance, whose file has the signals' comments.
 
 
 def _pulse(name: str, inputs: Mapping[str, int], after: int) -> Clocks:

@@ -38,29 +38,15 @@ _FIGURES, _COMMIT = f"{INNER}figures.json", f"{INNER}commit"
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of the report.
+    """A part of the report."""
 
-    Attributes
-    ----------
-    name
-        In lower case, with hyphens.
-    says
-        What is said while it runs.
-    modules
-        That make it; all that they import is part of its key.
-    run
-        Writes its files into a folder, which may hold those of a run that was stopped.
-    data
-        Files and words that it depends on, besides the modules.
-    publish
-        Brings pages up to date with the files in reports/; None where there is no page.
-    """
-
-    name: str
-    says: str
-    modules: tuple[str, ...]
+    name: str  #: In lower case, with hyphens.
+    says: str  #: What is said while it runs.
+    modules: tuple[str, ...]  #: That make it; all that they import is part of its key.
+    #: Writes its files into a folder, which may hold those of a run that was stopped.
     run: Callable[[Path], None]
-    data: tuple[str | Path, ...] = ()
+    data: tuple[str | Path, ...] = ()  #: Files and words that it depends on, besides the modules.
+    #: Brings pages up to date with the files in reports/; None where there is no page.
     publish: Callable[[], None] | None = None
 
     def key(self) -> str:

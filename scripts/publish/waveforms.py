@@ -28,24 +28,12 @@ _UNITS = re.compile(
 
 @dataclass(frozen=True)
 class Row:
-    """A signal that is shown.
+    """A signal that is shown."""
 
-    Attributes
-    ----------
-    name
-        Of the port.
-    form
-        "bit", "signed", "unsigned" or "hex".
-    note
-        Format and unit as the port's comment has them.
-    bits
-        Width, for signed values and hexadecimal digits.
-    """
-
-    name: str
-    form: str
-    note: str
-    bits: int
+    name: str  #: Of the port.
+    form: str  #: "bit", "signed", "unsigned" or "hex".
+    note: str  #: Format and unit as the port's comment has them.
+    bits: int  #: Width, for signed values and hexadecimal digits.
 
 
 def row(name: str, comment: str, bits: int) -> Row:

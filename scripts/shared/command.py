@@ -33,44 +33,24 @@ class UsageError(ValueError):
 
 @dataclass(frozen=True)
 class Command:
-    """One command.
+    """One command."""
 
-    Attributes
-    ----------
-    name
-        As a user types it; errors begin with it.
-    summary
-        What it does: the first line of it, the docstring of the command's file for instance. Python
-        drops docstrings with -OO; the line is read from the file then.
-    arguments
-        Adds its arguments to a parser.
-    run
-        Does it; returns the exit code, None for 0.
-    failed
-        Exit code where a tool fails.
-    interrupted
-        What an interruption leaves, for its message.
-    outputs
-        Arguments that name files it writes, all of them or none. That they can be written is found
-        out before it begins. Where it fails, the message says that those which existed are as they
-        were.
-    growing
-        Arguments that name files which keep what is through where it fails.
-    folders
-        Arguments that name folders it makes or fills.
-    formats
-        Arguments among them with only one format: the suffix that the name must have.
-    """
-
-    name: str
+    name: str  #: As a user types it; errors begin with it.
+    #: What it does: the first line of it, the docstring of the command's file for instance. Python
+    #: drops docstrings with -OO; the line is read from the file then.
     summary: str | None
-    arguments: Callable[[argparse.ArgumentParser], None]
-    run: Callable[[argparse.Namespace], int | None]
-    failed: int = 2
-    interrupted: str = ""
+    arguments: Callable[[argparse.ArgumentParser], None]  #: Adds its arguments to a parser.
+    run: Callable[[argparse.Namespace], int | None]  #: Does it; returns the exit code, None for 0.
+    failed: int = 2  #: Exit code where a tool fails.
+    interrupted: str = ""  #: What an interruption leaves, for its message.
+    #: Arguments that name files it writes, all of them or none. That they can be written is found
+    #: out before it begins. Where it fails, the message says that those which existed are as they
+    #: were.
     outputs: tuple[str, ...] = ("out",)
+    #: Arguments that name files which keep what is through where it fails.
     growing: tuple[str, ...] = ()
-    folders: tuple[str, ...] = ()
+    folders: tuple[str, ...] = ()  #: Arguments that name folders it makes or fills.
+    #: Arguments among them with only one format: the suffix that the name must have.
     formats: Mapping[str, str] = field(default_factory=dict)
 
     def main(self, arguments: Sequence[str] | None = None) -> int:
@@ -122,12 +102,6 @@ class Command:
 
 @dataclass(frozen=True)
 class Program:
-    """A command line of the library, under the project's.
+    """A command line of the library, under the project's."""
 
-    Attributes
-    ----------
-    main
-        Takes the arguments and returns the exit code.
-    """
-
-    main: Callable[[Sequence[str] | None], int]
+    main: Callable[[Sequence[str] | None], int]  #: Takes the arguments and returns the exit code.

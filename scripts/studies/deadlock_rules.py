@@ -43,56 +43,36 @@ ONE = 16
 
 @dataclass(frozen=True)
 class Rule:
-    """A deadlock rule; the defaults are those of `docs/specification.md`.
+    """A deadlock rule; the defaults are those of `docs/specification.md`."""
 
-    Attributes
-    ----------
-    criterion, tie
-        One of MAX, SUM, SQUARES; one of EARLIEST, LATEST, CURRENT, MAGNITUDES, SORTED, EFFORT.
-    weights
-        Factors of the excesses of currents, v_n and v_ph, in sixteenths.
-    step
-        The excess is taken at k + step.
-    inward
-        Whether a trajectory that is outside at k counts as admissible while it is closer to zero
-        at k + 1 than at k and until it leaves on the other side.
-    blend
-        With BLEND, the largest excess counts so many times the currents'.
-    lambda_ph
-        Weight in J of the sum of the squared deviations of v_ph at k + L*, 1/pu^2.
-    """
-
+    #: One of MAX, SUM, SQUARES; one of EARLIEST, LATEST, CURRENT, MAGNITUDES, SORTED, EFFORT.
     criterion: int = MAX
     tie: int = EARLIEST
+    #: Factors of the excesses of currents, v_n and v_ph, in sixteenths.
     weights: tuple[int, int, int] = (ONE, ONE, ONE)
-    step: int = 1
+    step: int = 1  #: The excess is taken at k + step.
+    #: Whether a trajectory that is outside at k counts as admissible while it is closer to zero at
+    #: k + 1 than at k and until it leaves on the other side.
     inward: bool = False
-    blend: int = 1
+    blend: int = 1  #: With BLEND, the largest excess counts so many times the currents'.
+    #: Weight in J of the sum of the squared deviations of v_ph at k + L*, 1/pu^2.
     lambda_ph: float = 0.0
 
 
 class Numbers(NamedTuple):
-    """A `Rule` in compiled code.
+    """A `Rule` in compiled code."""
 
-    Attributes
-    ----------
-    criterion, tie, step, inward, blend
-        As in `Rule`.
-    weight_current, weight_neutral, weight_phase
-        `Rule.weights`.
-    terminal
-        `Rule.lambda_ph` in cost units per square trajectory unit.
-    """
-
+    #: As in `Rule`.
     criterion: int
     tie: int
+    #: `Rule.weights`.
     weight_current: int
     weight_neutral: int
     weight_phase: int
     step: int
     inward: int
     blend: int
-    terminal: float
+    terminal: float  #: `Rule.lambda_ph` in cost units per square trajectory unit.
 
 
 def parameters(drive: Drive, rule: Rule) -> tuple[IntArray, Numbers]:

@@ -72,20 +72,12 @@ def _weights(current: float, v_n: float, v_ph: float) -> tuple[int, int, int]:
 
 @dataclass(frozen=True)
 class Case:
-    """A rule and settings of the drive file to try.
+    """A rule and settings of the drive file to try."""
 
-    Attributes
-    ----------
-    rule
-        What replaces Paper A's rule.
-    control
-        Values of the drive file's [control] that differ.
-    normalised
-        Whether excesses are taken relative to their bounds, weights of `rule` being ignored.
-    """
-
-    rule: Rule = field(default_factory=Rule)
+    rule: Rule = field(default_factory=Rule)  #: What replaces Paper A's rule.
+    #: Values of the drive file's [control] that differ.
     control: Mapping[str, float] = field(default_factory=dict)
+    #: Whether excesses are taken relative to their bounds, weights of `rule` being ignored.
     normalised: bool = False
 
 

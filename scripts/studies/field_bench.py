@@ -45,24 +45,12 @@ SAME = 1e-9
 
 @dataclass(frozen=True)
 class Setting:
-    """What one set is made of.
+    """What one set is made of."""
 
-    Attributes
-    ----------
-    name
-        Of the set and its folder.
-    drive
-        Shipped drive.
-    replaced
-        Text of its file, and what stands there instead.
-    speed
-        As of `simulate`: pu for MPDCC, rad/s for the two-level drive.
-    """
-
-    name: str
-    drive: str
-    replaced: tuple[str, str] | None
-    speed: float
+    name: str  #: Of the set and its folder.
+    drive: str  #: Shipped drive.
+    replaced: tuple[str, str] | None  #: Text of its file, and what stands there instead.
+    speed: float  #: As of `simulate`: pu for MPDCC, rad/s for the two-level drive.
 
 
 FURTHER = ("budget", "capacitor_filter")

@@ -41,40 +41,20 @@ NUMBERS = (
 
 @dataclass(frozen=True)
 class Target:
-    """Something that reads bytes.
+    """Something that reads bytes."""
 
-    Attributes
-    ----------
-    read
-        Reads them; refuses with one of `refusals`.
-    refusals
-        Its own errors.
-    examples
-        Well-formed bytes.
-    """
-
-    read: Callable[[bytes, Path], None]
-    refusals: tuple[type[Exception], ...]
-    examples: Callable[[], list[bytes]]
+    read: Callable[[bytes, Path], None]  #: Reads them; refuses with one of `refusals`.
+    refusals: tuple[type[Exception], ...]  #: Its own errors.
+    examples: Callable[[], list[bytes]]  #: Well-formed bytes.
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Bytes that a parser takes in a way that it must not.
+    """Bytes that a parser takes in a way that it must not."""
 
-    Attributes
-    ----------
-    target
-        Name of the target.
-    data
-        The bytes.
-    says
-        The end of the traceback.
-    """
-
-    target: str
-    data: bytes
-    says: str
+    target: str  #: Name of the target.
+    data: bytes  #: The bytes.
+    says: str  #: The end of the traceback.
 
 
 def _drive(data: bytes, folder: Path) -> None:

@@ -84,21 +84,11 @@ def _coarse(drive: Drive) -> Registers:
 
 @dataclass(frozen=True)
 class Controller:
-    """One of the six.
+    """One of the six."""
 
-    Attributes
-    ----------
-    name
-        For people.
-    changed
-        What it has that the one before has not.
-    rows
-        Compiled loop over rows that decides: a variant's, or `_run_zero_sum`.
-    """
-
-    name: str
-    changed: str
-    rows: Any
+    name: str  #: For people.
+    changed: str  #: What it has that the one before has not.
+    rows: Any  #: Compiled loop over rows that decides: a variant's, or `_run_zero_sum`.
 
     def registers(self, drive: Drive) -> Registers:
         """Its registers for a drive."""
@@ -180,28 +170,15 @@ def _cost(register, measurement, s_prev, s):
 
 @dataclass
 class Difference:
-    """Between two neighbours; every differing row is in exactly one of the last four.
+    """Between two neighbours; every differing row is in exactly one of the last four."""
 
-    Attributes
-    ----------
-    rows, differing
-        Rows looked at, and those with another switch position.
-    hold
-        One of them holds, the other switches.
-    deadlock
-        Both or one of them found no candidate alive.
-    tie
-        Both searched, and the first one's costs of both choices are within `NEAR`.
-    length
-        Both searched; the choices' costs differ because their lengths do.
-    """
-
+    #: Rows looked at, and those with another switch position.
     rows: int = 0
     differing: int = 0
-    hold: int = 0
-    deadlock: int = 0
-    tie: int = 0
-    length: int = 0
+    hold: int = 0  #: One of them holds, the other switches.
+    deadlock: int = 0  #: Both or one of them found no candidate alive.
+    tie: int = 0  #: Both searched, and the first one's costs of both choices are within `NEAR`.
+    length: int = 0  #: Both searched; the choices' costs differ because their lengths do.
 
     def add(
         self, first: Decisions, second: Decisions, register: NDArray[np.int64], trace: MpdccTrace

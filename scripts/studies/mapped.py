@@ -118,19 +118,12 @@ Columns = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Vectors:
-    """Rows for a core, and what it has to answer.
+    """Rows for a core, and what it has to answer."""
 
-    Attributes
-    ----------
-    inputs, expected
-        Port -> values, one for each row.
-    held
-        Inputs that stand still until the next start.
-    """
-
+    #: Port -> values, one for each row.
     inputs: Columns
     expected: Columns
-    held: tuple[str, ...]
+    held: tuple[str, ...]  #: Inputs that stand still until the next start.
 
 
 def _mpdcc() -> Vectors:

@@ -37,18 +37,10 @@ GAINS = (1.0, 10.0, 1.2 * RATED_TORQUE)  # of the speed PI, see `closed_loop.Sce
 
 @dataclass(frozen=True)
 class Observed:
-    """A run on the observer's flux.
+    """A run on the observer's flux."""
 
-    Attributes
-    ----------
-    run : Run
-        Its trace holds the plant's own flux.
-    estimate : (n, 2)
-        What the core saw instead, Wb.
-    """
-
-    run: Run
-    estimate: FloatArray
+    run: Run  #: Its trace holds the plant's own flux.
+    estimate: FloatArray  #: (n, 2): what the core saw instead, Wb.
 
 
 def observed(drive: MptcDrive, scenario: Scenario, plant: PlantParameters) -> Observed:

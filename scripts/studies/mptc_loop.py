@@ -61,21 +61,11 @@ CLOCKS_MHZ = (40, 100)
 
 @dataclass(frozen=True)
 class Point:
-    """What is asked of the drive.
+    """What is asked of the drive."""
 
-    Attributes
-    ----------
-    rpm : float
-        Mechanical speed, r/min.
-    torque : float
-        Torque reference of the second half, N*m.
-    flux : float
-        Stator flux reference, Wb.
-    """
-
-    rpm: float
-    torque: float
-    flux: float
+    rpm: float  #: Mechanical speed, r/min.
+    torque: float  #: Torque reference of the second half, N*m.
+    flux: float  #: Stator flux reference, Wb.
 
     @classmethod
     def of(cls, drive: MptcDrive, rpm: float | None = None) -> Point:
@@ -96,45 +86,20 @@ class Point:
 
 @dataclass(frozen=True)
 class Run:
-    """A closed loop and what the models say about it; n control periods.
+    """A closed loop and what the models say about it; n control periods."""
 
-    Attributes
-    ----------
-    drive : MptcDrive
-        What the controller is set up for.
-    point : Point
-        What was asked for.
-    trace : MptcTrace
-        What the controller saw.
-    current : (n, 2)
-        Stator current of the plant, alpha and beta, A.
-    decisions : MptcDecisions
-        What it decided, applied one period later.
-    torque : (n,)
-        Electromagnetic torque at each period's beginning, N*m.
-    differing : int
-        Periods in which RTL and bit-true model differ in any field.
-    unlike_ideal : int
-        Periods in which the ideal controller takes other vectors.
-    seconds : float
-        Time the simulation took.
-    factors : mapping of str to float
-        Of the plant's machine, as of `plant_with`.
-    errors : MptcErrors
-        Of sensors and switches.
-    """
-
-    drive: MptcDrive
-    point: Point
-    trace: MptcTrace
-    current: FloatArray
-    decisions: MptcDecisions
-    torque: FloatArray
-    differing: int
-    unlike_ideal: int
-    seconds: float
+    drive: MptcDrive  #: What the controller is set up for.
+    point: Point  #: What was asked for.
+    trace: MptcTrace  #: What the controller saw.
+    current: FloatArray  #: (n, 2): stator current of the plant, alpha and beta, A.
+    decisions: MptcDecisions  #: What it decided, applied one period later.
+    torque: FloatArray  #: (n,): electromagnetic torque at each period's beginning, N*m.
+    differing: int  #: Periods in which RTL and bit-true model differ in any field.
+    unlike_ideal: int  #: Periods in which the ideal controller takes other vectors.
+    seconds: float  #: Time the simulation took.
+    #: Of the plant's machine, as of `plant_with`.
     factors: Mapping[str, float] = field(default_factory=dict)
-    errors: MptcErrors = NO_ERRORS
+    errors: MptcErrors = NO_ERRORS  #: Of sensors and switches.
 
     def __len__(self) -> int:
         return len(self.torque)

@@ -97,30 +97,16 @@ def periods(drive: MptcDrive, seed: int, count: int) -> MptcTrace:
 
 
 class Difference(NamedTuple):
-    """Bit-true and ideal decisions of the same periods.
+    """Bit-true and ideal decisions of the same periods."""
 
-    Attributes
-    ----------
-    count : int
-        Periods.
-    vectors : int
-        Those with other voltages.
-    times : tuple of int
-        Those with the same, and times more than `TIME_LIMIT` steps apart; places in the trace.
-    clear : int
-        Those with other voltages where ideal's leads clearly.
-    lead : float
-        Largest lead of ideal's voltages where others are taken; N*m, with flux methods Wb.
-    saturated : int
-        Periods with a word that did not hold its value.
-    """
-
-    count: int
-    vectors: int
+    count: int  #: Periods.
+    vectors: int  #: Those with other voltages.
+    #: Those with the same, and times more than `TIME_LIMIT` steps apart; places in the trace.
     times: tuple[int, ...]
-    clear: int
+    clear: int  #: Those with other voltages where ideal's leads clearly.
+    #: Largest lead of ideal's voltages where others are taken; N*m, with flux methods Wb.
     lead: float
-    saturated: int
+    saturated: int  #: Periods with a word that did not hold its value.
 
 
 def _voltage(vectors: IntArray, times: FloatArray) -> tuple[int, ...]:

@@ -47,23 +47,15 @@ SPEEDS = (300.0, 600.0, 900.0)
 
 @dataclass(frozen=True)
 class Case:
-    """What is wrong in a loop.
+    """What is wrong in a loop."""
 
-    Attributes
-    ----------
-    noise, offset, gain : float
-        Of the current sensors, shares of `RATED_CURRENT` and of the value: noise of each component
-        as standard deviation; offset and gain of phase a, those of phase b are their opposite.
-    bits : int
-        Of the converters, full scale `current_max` to either side; 0 for none.
-    resistance, leakage : float
-        Factors on the machine's.
-    """
-
+    #: Of the current sensors, shares of `RATED_CURRENT` and of the value: noise of each component
+    #: as standard deviation; offset and gain of phase a, those of phase b are their opposite.
     noise: float = 0.0
     offset: float = 0.0
     gain: float = 0.0
-    bits: int = 0
+    bits: int = 0  #: Of the converters, full scale `current_max` to either side; 0 for none.
+    #: Factors on the machine's.
     resistance: float = 1.0
     leakage: float = 1.0
 

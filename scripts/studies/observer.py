@@ -50,27 +50,13 @@ MISMATCHES: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True)
 class Error:
-    """Error of an estimate against the plant's flux.
+    """Error of an estimate against the plant's flux."""
 
-    Attributes
-    ----------
-    magnitude : float
-        Mean of |estimate|/|flux| - 1, percent.
-    angle : float
-        Mean angle of estimate/flux, degrees; positive leads.
-    vector : float
-        Mean of |estimate - flux|/|flux|, percent.
-    worst : float
-        Largest of the same.
-    flux : float
-        Mean of |flux|, pu: what the drive settles at.
-    """
-
-    magnitude: float
-    angle: float
-    vector: float
-    worst: float
-    flux: float
+    magnitude: float  #: Mean of |estimate|/|flux| - 1, percent.
+    angle: float  #: Mean angle of estimate/flux, degrees; positive leads.
+    vector: float  #: Mean of |estimate - flux|/|flux|, percent.
+    worst: float  #: Largest of the same.
+    flux: float  #: Mean of |flux|, pu: what the drive settles at.
 
 
 @njit

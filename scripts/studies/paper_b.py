@@ -128,38 +128,25 @@ Row = dict[str, str | float]
 
 @dataclass(frozen=True)
 class Curves:
-    """What is drawn, by controller.
+    """What is drawn, by controller."""
 
-    Attributes
-    ----------
-    spectra : dict
-        Frequency (Hz) and amplitude (percent of the fundamental) without load at low speed.
-    disturbed, reversed, crawling : dict
-        Runs of the load step, the reversal and the low speed.
-    started : dict
-        Runs of the start.
-    flux : dict
-        Magnitude of the stator flux of these runs (Wb) inside the period, by group and controller.
-    steps : dict
-        Time (ms, from the step on) and torque (N*m) of the torque step at `LOW_SPEED`.
-    steady : dict
-        Runs at `LOW_SPEED`, by study ("no load", "rated load") and controller; their flux is in
-        `flux`.
-    two_vectors : dict
-        Runs of GTV by study: "start", and "load step" at `FULL_SPEED`.
-    parameters : dict
-        Runs with wrong resistances behind the speed PI, by speed and factor.
-    """
-
+    #: Frequency (Hz) and amplitude (percent of the fundamental) without load at low speed.
     spectra: dict[str, tuple[FloatArray, FloatArray]]
+    #: Runs of the load step, the reversal and the low speed.
     disturbed: dict[str, Run]
     reversed: dict[str, Run]
     crawling: dict[str, Run]
-    started: dict[str, Run]
+    started: dict[str, Run]  #: Runs of the start.
+    #: Magnitude of the stator flux of these runs (Wb) inside the period, by group and controller.
     flux: dict[tuple[str, str], FloatArray]
+    #: Time (ms, from the step on) and torque (N*m) of the torque step at `LOW_SPEED`.
     steps: dict[str, tuple[FloatArray, FloatArray]]
+    #: Runs at `LOW_SPEED`, by study ("no load", "rated load") and controller; their flux is in
+    #: `flux`.
     steady: dict[tuple[str, str], Run] = field(default_factory=dict)
+    #: Runs of GTV by study: "start", and "load step" at `FULL_SPEED`.
     two_vectors: dict[str, Run] = field(default_factory=dict)
+    #: Runs with wrong resistances behind the speed PI, by speed and factor.
     parameters: dict[tuple[float, float], single.Observed] = field(default_factory=dict)
 
 

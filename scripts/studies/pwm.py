@@ -61,34 +61,18 @@ END = "<!-- {}: end -->"
 
 @dataclass(frozen=True, order=True)
 class Setting:
-    """One run.
+    """One run."""
 
-    Attributes
-    ----------
-    drive : str
-        Name of a shipped drive.
-    speed : float
-        Stator frequency, per unit.
-    scheme : str
-        "PWM", "SE" or "SESE".
-    capacitors : str
-        "real", or "ideal": their voltages do not move.
-    bound_vn, bound_vph : float
-        Of MPDCC, per unit; 0 for PWM.
-    value : float
-        Carrier periods in a fundamental period; MPDCC: bound of the currents, per unit.
-    start : int
-        Seed of the angle at the start.
-    """
-
-    drive: str
-    speed: float
-    scheme: str
-    capacitors: str
+    drive: str  #: Name of a shipped drive.
+    speed: float  #: Stator frequency, per unit.
+    scheme: str  #: "PWM", "SE" or "SESE".
+    capacitors: str  #: "real", or "ideal": their voltages do not move.
+    #: Of MPDCC, per unit; 0 for PWM.
     bound_vn: float
     bound_vph: float
+    #: Carrier periods in a fundamental period; MPDCC: bound of the currents, per unit.
     value: float
-    start: int
+    start: int  #: Seed of the angle at the start.
 
 
 FIGURES = ("fsw_hz", "thd_pct", "peak_vn", "peak_vph", "deadlocks_per_1000", "missed_pu")

@@ -30,33 +30,17 @@ IDEAL = 1e9
 
 @dataclass(frozen=True)
 class PwmRun:
-    """A recorded run.
+    """A recorded run."""
 
-    Attributes
-    ----------
-    state : (n, 8)
-        Plant state every control period, see `directmpc.mpdcc.plant`.
-    positions : (m + 1, 3)
-        Positions before the first event and after each of them.
-    seconds : float
-        Length of the recorded run.
-    thd : float
-        Root mean square over the phases of the currents' THD, a ratio.
-    fsw : float
-        Switching frequency, mean over 24 logical devices, Hz.
-    peak_vn, peak_vph : float
-        Largest deviation of v_n and of a v_ph from its nominal value, per unit.
-    missed : float
-        Volts that no pair of positions could make: rms over phases and half periods, per unit.
-    """
-
-    state: FloatArray
-    positions: IntArray
-    seconds: float
-    thd: float
-    fsw: float
+    state: FloatArray  #: (n, 8): plant state every control period, see `directmpc.mpdcc.plant`.
+    positions: IntArray  #: (m + 1, 3): positions before the first event and after each of them.
+    seconds: float  #: Length of the recorded run.
+    thd: float  #: Root mean square over the phases of the currents' THD, a ratio.
+    fsw: float  #: Switching frequency, mean over 24 logical devices, Hz.
+    #: Largest deviation of v_n and of a v_ph from its nominal value, per unit.
     peak_vn: float
     peak_vph: float
+    #: Volts that no pair of positions could make: rms over phases and half periods, per unit.
     missed: float
 
 

@@ -42,21 +42,13 @@ PAIRS = 16
 
 
 class Modulator(NamedTuple):
-    """What the modulator knows of the inverter, per unit.
+    """What the modulator knows of the inverter, per unit."""
 
-    Attributes
-    ----------
-    vdc : float
-        dc-link voltage.
-    xdc, xph : float
-        Reactances of one half of the dc link and of a phase capacitor.
-    clipping, neutral, switching : float
-        Weights, as the constants above.
-    """
-
-    vdc: float
+    vdc: float  #: dc-link voltage.
+    #: Reactances of one half of the dc link and of a phase capacitor.
     xdc: float
     xph: float
+    #: Weights, as the constants above.
     clipping: float = CLIPPING_WEIGHT
     neutral: float = NEUTRAL_WEIGHT
     switching: float = SWITCHING_WEIGHT

@@ -317,22 +317,13 @@ def mismatch_table(rows: dict[Setting, dict[str, float]]) -> str:
 
 @dataclass(frozen=True)
 class Change:
-    """What a remedy changes at a point, against exact measurements and the paper's rule.
+    """What a remedy changes at a point, against exact measurements and the paper's rule."""
 
-    Attributes
-    ----------
-    fsw, error : float
-        Change of the mean switching frequency and its standard error, %.
-    thd : float
-        Change of the mean THD, %.
-    deadlocks : float
-        Deadlocks per 1,000 steps beyond those of exact measurements.
-    """
-
+    #: Change of the mean switching frequency and its standard error, %.
     fsw: float
     error: float
-    thd: float
-    deadlocks: float
+    thd: float  #: Change of the mean THD, %.
+    deadlocks: float  #: Deadlocks per 1,000 steps beyond those of exact measurements.
 
 
 def changes(

@@ -75,37 +75,20 @@ _LANE = 5.5
 
 @dataclass(frozen=True)
 class Run:
-    """A closed loop around the RTL and what its models say about it.
+    """A closed loop around the RTL and what its models say about it."""
 
-    Attributes
-    ----------
-    drive
-        What the controller is set up for, and the plant unless `plant` says otherwise.
-    explorers, variant
-        Configuration of the core.
-    result
-        Recorded states and the RTL's decisions, the ideal controller's as the shadow.
-    differing
-        Steps in which the RTL and its bit-true model differ in any field.
-    seconds
-        Time the simulation took.
-    factors
-        Of the plant's machine and capacitors, as of `plant_with`.
-    flux_observer
-        Whether the rotor flux was the observer's.
-    errors
-        Of sensors and switches.
-    """
-
-    drive: Drive
+    drive: Drive  #: What the controller is set up for, and the plant unless `plant` says otherwise.
+    #: Configuration of the core.
     explorers: int
     variant: str
+    #: Recorded states and the RTL's decisions, the ideal controller's as the shadow.
     result: ClosedLoopResult
-    differing: int
-    seconds: float
+    differing: int  #: Steps in which the RTL and its bit-true model differ in any field.
+    seconds: float  #: Time the simulation took.
+    #: Of the plant's machine and capacitors, as of `plant_with`.
     factors: Mapping[str, float] = field(default_factory=dict)
-    flux_observer: bool = False
-    errors: DriveErrors = NO_ERRORS
+    flux_observer: bool = False  #: Whether the rotor flux was the observer's.
+    errors: DriveErrors = NO_ERRORS  #: Of sensors and switches.
 
     @property
     def cycles(self) -> NDArray[np.int64]:

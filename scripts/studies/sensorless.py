@@ -33,27 +33,15 @@ NOISY = CurrentErrors(0.01 * RATED_CURRENT, BITS)
 
 @dataclass(frozen=True)
 class Case:
-    """What is not ideal.
+    """What is not ideal."""
 
-    Attributes
-    ----------
-    errors : CurrentErrors
-        Of the current measurement.
-    rs, rr : float
-        What the machine's resistances are multiplied with; the observer does not know it.
-    gains : SpeedGains
-        Of the observer.
-    engine : str
-        "ideal" or "model" (bit-true), of observer and controller.
-    filter_time : float
-        Of the low-pass between the estimate and the speed PI, s.
-    """
-
-    errors: CurrentErrors = field(default_factory=CurrentErrors)
+    errors: CurrentErrors = field(default_factory=CurrentErrors)  #: Of the current measurement.
+    #: What the machine's resistances are multiplied with; the observer does not know it.
     rs: float = 1.0
     rr: float = 1.0
-    gains: SpeedGains = field(default_factory=SpeedGains)
-    engine: str = "ideal"
+    gains: SpeedGains = field(default_factory=SpeedGains)  #: Of the observer.
+    engine: str = "ideal"  #: "ideal" or "model" (bit-true), of observer and controller.
+    #: Of the low-pass between the estimate and the speed PI, s.
     filter_time: float = sensorless.FILTER_TIME
 
 
@@ -90,21 +78,11 @@ Row = dict[str, str | float]
 
 @dataclass(frozen=True)
 class Curves:
-    """What is drawn: runs by name.
+    """What is drawn: runs by name."""
 
-    Attributes
-    ----------
-    exact : dict
-        Start, reversal, low and full speed without errors.
-    noisy : dict
-        The same with 12 bits and noise.
-    failed : Run
-        Generating at low speed.
-    """
-
-    exact: dict[str, Run]
-    noisy: dict[str, Run]
-    failed: Run
+    exact: dict[str, Run]  #: Start, reversal, low and full speed without errors.
+    noisy: dict[str, Run]  #: The same with 12 bits and noise.
+    failed: Run  #: Generating at low speed.
 
 
 def sensorless_drive(drive: MptcDrive) -> MptcDrive:

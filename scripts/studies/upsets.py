@@ -61,50 +61,27 @@ _PAIR = re.compile(r"\.(\w+)\((.*)\),?$", re.M)
 
 @dataclass(frozen=True)
 class Run:
-    """A drive that runs and trips.
+    """A drive that runs and trips."""
 
-    Attributes
-    ----------
-    inputs
-        Port -> a value for each clock.
-    first, last
-        First clock of a flip, and the first in which there is none any more.
-    deadline
-        Clock from which on all gates have to be off.
-    dead
-        Dead time, clocks.
-    """
-
-    inputs: dict[str, np.ndarray]
+    inputs: dict[str, np.ndarray]  #: Port -> a value for each clock.
+    #: First clock of a flip, and the first in which there is none any more.
     first: int
     last: int
-    deadline: int
-    dead: int
+    deadline: int  #: Clock from which on all gates have to be off.
+    dead: int  #: Dead time, clocks.
 
 
 @dataclass(frozen=True)
 class Case:
-    """A netlist and how it is run.
+    """A netlist and how it is run."""
 
-    Attributes
-    ----------
-    entity, generics
-        What is mapped.
-    leg
-        Of its inverter.
-    outputs
-        Ports of gates and faults.
-    run
-        Makes the run.
-    parts
-        Part -> what the names of its flip-flops hold; the first that fits counts.
-    """
-
+    #: What is mapped.
     entity: str
     generics: Generics
-    leg: Converter
-    outputs: tuple[str, str]
-    run: Callable[[Converter], Run]
+    leg: Converter  #: Of its inverter.
+    outputs: tuple[str, str]  #: Ports of gates and faults.
+    run: Callable[[Converter], Run]  #: Makes the run.
+    #: Part -> what the names of its flip-flops hold; the first that fits counts.
     parts: dict[str, str]
 
 
@@ -184,27 +161,13 @@ Flips = Callable[[int, int, int, int], list[Outcome]]
 
 @dataclass(frozen=True)
 class Netlist:
-    """A netlist as a function.
+    """A netlist as a function."""
 
-    Attributes
-    ----------
-    text
-        Verilog; the module upset_top has ports i, s, o and n.
-    inputs
-        Ports in the order of the words of i.
-    names
-        What each flip-flop drives.
-    first
-        Contents of the flip-flops before the first clock.
-    words
-        Of i, s and o.
-    """
-
-    text: str
-    inputs: tuple[str, ...]
-    names: tuple[str, ...]
-    first: tuple[int, ...]
-    words: tuple[int, int, int]
+    text: str  #: Verilog; the module upset_top has ports i, s, o and n.
+    inputs: tuple[str, ...]  #: Ports in the order of the words of i.
+    names: tuple[str, ...]  #: What each flip-flop drives.
+    first: tuple[int, ...]  #: Contents of the flip-flops before the first clock.
+    words: tuple[int, int, int]  #: Of i, s and o.
 
 
 def netlist_of(case: Case, rtl: Path = RTL) -> Netlist:

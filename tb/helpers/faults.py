@@ -34,22 +34,14 @@ def altered(folder: Path, unit: str, old: str, new: str, times: int = 1) -> Path
 
 @dataclass(frozen=True)
 class Fault:
-    """A text of one unit, what stands there instead, and the check that has to notice it.
+    """A text of one unit, what stands there instead, and the check that has to notice it."""
 
-    Attributes
-    ----------
-    unit : str
-        Entity or package whose file is changed.
-    text, fault : str
-        What stands there, once, and what is put in its place.
-    check : str
-        Regular expression that the message of the failing check begins with. A crash, a bench that
-        takes too long or another check does not count.
-    """
-
-    unit: str
+    unit: str  #: Entity or package whose file is changed.
+    #: What stands there, once, and what is put in its place.
     text: str
     fault: str
+    #: Regular expression that the message of the failing check begins with. A crash, a bench that
+    #: takes too long or another check does not count.
     check: str
 
     def __str__(self) -> str:

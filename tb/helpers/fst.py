@@ -15,18 +15,10 @@ _ATTRIBUTE, _END_OF_ATTRIBUTE, _SCOPE, _END_OF_SCOPE = 252, 253, 254, 255
 
 @dataclass(frozen=True)
 class Recorded:
-    """Signals of a recording.
+    """Signals of a recording."""
 
-    Attributes
-    ----------
-    seconds
-        Simulated time at its end.
-    signals
-        Name with the instances around it -> bits.
-    """
-
-    seconds: float
-    signals: dict[str, int]
+    seconds: float  #: Simulated time at its end.
+    signals: dict[str, int]  #: Name with the instances around it -> bits.
 
 
 def read(path: Path) -> Recorded:

@@ -24,24 +24,12 @@ RULES = (twin.DEADBEAT, twin.MEAN, twin.BEST, twin.BEST)
 
 @dataclass(frozen=True)
 class PairRows:
-    """Inputs of the core, one row per decision.
+    """Inputs of the core, one row per decision."""
 
-    Attributes
-    ----------
-    rows : core.Rows
-        Registers, measurements, u.
-    pairs : (n,)
-        Port `family_method`.
-    applied : (n, 5)
-        u1, u2, u3, t1, t2; u for the whole period where `pairs` is 0.
-    rules : (n,)
-        Port `duty_rule`, which MPTC1 and MPTC2 read.
-    """
-
-    rows: core.Rows
-    pairs: IntArray
-    applied: IntArray
-    rules: IntArray
+    rows: core.Rows  #: Registers, measurements, u.
+    pairs: IntArray  #: (n,): port `family_method`.
+    applied: IntArray  #: (n, 5): u1, u2, u3, t1, t2; u for the whole period where `pairs` is 0.
+    rules: IntArray  #: (n,): port `duty_rule`, which MPTC1 and MPTC2 read.
 
     def __len__(self) -> int:
         return len(self.rows)

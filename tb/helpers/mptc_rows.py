@@ -44,21 +44,11 @@ def shipped(name: str) -> MptcDrive:
 
 @dataclass(frozen=True)
 class Rows:
-    """Inputs of the core, one row per decision.
+    """Inputs of the core, one row per decision."""
 
-    Attributes
-    ----------
-    registers : (n, 13)
-        ``Registers.array()`` of each row.
-    measurements : (n, 8)
-        In the order of ``formats.MEASUREMENTS``.
-    u : (n,)
-        Vector that is being applied.
-    """
-
-    registers: IntArray
-    measurements: IntArray
-    u: IntArray
+    registers: IntArray  #: (n, 13): ``Registers.array()`` of each row.
+    measurements: IntArray  #: (n, 8): in the order of ``formats.MEASUREMENTS``.
+    u: IntArray  #: (n,): vector that is being applied.
 
     def __len__(self) -> int:
         return len(self.u)
@@ -141,20 +131,11 @@ def mixed(seed: int, n: int) -> Rows:
 
 @dataclass(frozen=True)
 class Stretch:
-    """Successive periods of ``mptc_drive`` from a reset on.
-
-    Attributes
-    ----------
-    parameters : joined.Parameters
-    measurements : (n, 6)
-        In the order of ``DRIVE_INPUTS``.
-    restart_at : int
-        Period before which `restart` is given; -1: never.
-    """
+    """Successive periods of ``mptc_drive`` from a reset on."""
 
     parameters: joined.Parameters
-    measurements: IntArray
-    restart_at: int = -1
+    measurements: IntArray  #: (n, 6): in the order of ``DRIVE_INPUTS``.
+    restart_at: int = -1  #: Period before which `restart` is given; -1: never.
 
 
 def stretches(seed: int, steps: int) -> list[Stretch]:

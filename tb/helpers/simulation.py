@@ -24,21 +24,11 @@ VARIANTS: dict[str, dict[str, object]] = {
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a bench reports.
+    """What a bench reports."""
 
-    Attributes
-    ----------
-    checks : dict of int
-        Comparisons made, by name.
-    covered : dict of int
-        How often each thing that had to happen did.
-    measured : dict of int
-        Extremes of what was measured, clocks for instance.
-    """
-
-    checks: dict[str, int]
-    covered: dict[str, int]
-    measured: dict[str, int]
+    checks: dict[str, int]  #: Comparisons made, by name.
+    covered: dict[str, int]  #: How often each thing that had to happen did.
+    measured: dict[str, int]  #: Extremes of what was measured, clocks for instance.
 
 
 def run(

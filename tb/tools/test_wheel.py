@@ -108,19 +108,12 @@ def test_the_wheel_holds_the_library_and_nothing_else(wheel: Path) -> None:
 
 @dataclass(frozen=True)
 class Installed:
-    """An environment with the wheel in it.
+    """An environment with the wheel in it."""
 
-    Attributes
-    ----------
-    bin, site : Path
-        Its programs and its packages.
-    elsewhere : Path
-        A folder that is neither the environment's nor the repository's.
-    """
-
+    #: Its programs and its packages.
     bin: Path
     site: Path
-    elsewhere: Path
+    elsewhere: Path  #: A folder that is neither the environment's nor the repository's.
 
     def run(self, *command: str, **more: str) -> str:
         """What a command prints that is run elsewhere; `more` are variables of its environment."""

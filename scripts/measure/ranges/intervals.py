@@ -21,46 +21,22 @@ class RangeError(ToolError):
 
 @dataclass(frozen=True)
 class Fault:
-    """A format that is changed.
+    """A format that is changed."""
 
-    Attributes
-    ----------
-    name
-        Of the format.
-    by
-        Bits more; negative: fewer.
-    module
-        Where the format is.
-    """
-
-    name: str
-    by: int
-    module: ModuleType = formats
+    name: str  #: Of the format.
+    by: int  #: Bits more; negative: fewer.
+    module: ModuleType = formats  #: Where the format is.
 
 
 @dataclass(frozen=True)
 class Check:
-    """What is shown of the sums of an entity.
+    """What is shown of the sums of an entity."""
 
-    Attributes
-    ----------
-    entity
-        Where the sums are formed.
-    name
-        Of the property, as in metrics.json.
-    says
-        What is shown, one sentence without a full stop.
-    run
-        Raises RangeError where it is not so.
-    fault
-        With which it is not.
-    """
-
-    entity: str
-    name: str
-    says: str
-    run: Callable[[], None]
-    fault: Fault
+    entity: str  #: Where the sums are formed.
+    name: str  #: Of the property, as in metrics.json.
+    says: str  #: What is shown, one sentence without a full stop.
+    run: Callable[[], None]  #: Raises RangeError where it is not so.
+    fault: Fault  #: With which it is not.
 
 
 def word_range(width: int, *, signed: bool = True) -> Interval:

@@ -252,21 +252,13 @@ def _forms() -> list[Form]:
 
 @dataclass(frozen=True)
 class Line:
-    """A line of the hexagon from one place to another, and the time that the second has on it.
+    """A line of the hexagon from one place to another, and the time that the second has on it."""
 
-    Attributes
-    ----------
-    name : str
-        With its turn.
-    begin, end : tuple of int
-        Coordinates along the leading vector and the next one.
-    of_g, of_h, offset : int
-        Time is of_g * g + of_h * h + offset, two bits finer than g and h.
-    """
-
-    name: str
+    name: str  #: With its turn.
+    #: Coordinates along the leading vector and the next one.
     begin: Place
     end: Place
+    #: Time is of_g * g + of_h * h + offset, two bits finer than g and h.
     of_g: int
     of_h: int
     offset: int

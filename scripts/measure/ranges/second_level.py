@@ -41,23 +41,13 @@ _CELL = 512  # rooms at a begin that are looked at together, trajectory units
 
 @dataclass(frozen=True)
 class Way:
-    """What leads from a node to a successor.
+    """What leads from a node to a successor."""
 
-    Attributes
-    ----------
-    steps : int
-        L1.
-    secant : int
-        Largest mean slope of a component of the current errors, trajectory units per step.
-    moved : int
-        Largest way of a component in these steps, trajectory units.
-    capacitor, neutral : tuple of int
-        Errors of v_ph and of v_n at the successor, trajectory units.
-    """
-
-    steps: int
+    steps: int  #: L1.
+    #: Largest mean slope of a component of the current errors, trajectory units per step.
     secant: int
-    moved: int
+    moved: int  #: Largest way of a component in these steps, trajectory units.
+    #: Errors of v_ph and of v_n at the successor, trajectory units.
     capacitor: Interval
     neutral: Interval
 

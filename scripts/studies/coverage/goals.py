@@ -33,32 +33,15 @@ SEED = 3
 
 @dataclass
 class Goals:
-    """As the file has them.
+    """As the file has them."""
 
-    Attributes
-    ----------
-    least
-        How often each functional goal has to be met.
-    functional
-        Group -> what has to happen in it.
-    tests
-        Tests whose branches count.
-    python
-        Part of the library -> least share of its branches, in percent.
-    rtl
-        Entity -> least shares of conditions and of bits, in percent.
-    mapped
-        Fewest decisions of each mapped netlist; none of them may differ.
-    argued
-        Entity -> why its shares are below those of others.
-    """
-
-    least: int
-    functional: dict[str, list[str]]
-    tests: list[str]
-    python: dict[str, float]
-    rtl: dict[str, list[float]]
-    mapped: int
+    least: int  #: How often each functional goal has to be met.
+    functional: dict[str, list[str]]  #: Group -> what has to happen in it.
+    tests: list[str]  #: Tests whose branches count.
+    python: dict[str, float]  #: Part of the library -> least share of its branches, in percent.
+    rtl: dict[str, list[float]]  #: Entity -> least shares of conditions and of bits, in percent.
+    mapped: int  #: Fewest decisions of each mapped netlist; none of them may differ.
+    #: Entity -> why its shares are below those of others.
     argued: dict[str, str] = field(default_factory=dict)
 
 

@@ -49,26 +49,17 @@ ROUNDINGS = {
 
 @dataclass(frozen=True)
 class Setting:
-    """One way to set the replica.
+    """One way to set the replica."""
 
-    Attributes
-    ----------
-    group, name
-        Where it belongs, and what it is called there.
-    grains
-        As `replica.replica` takes them; an error grain in fractions of a unit is a number of bits.
-    trajectory, first_exit
-        As there.
-    error_bits
-        Fractional bits of the errors, instead of the grain "errors".
-    """
-
+    #: Where it belongs, and what it is called there.
     group: str
     name: str
+    #: As `replica.replica` takes them; an error grain in fractions of a unit is a number of bits.
     grains: dict[str, float] = field(default_factory=dict)
+    #: As there.
     trajectory: int = r.FITTED
     first_exit: int = r.THRESHOLD
-    error_bits: int | None = None
+    error_bits: int | None = None  #: Fractional bits of the errors, instead of the grain "errors".
 
     def parameters(self, point: Point) -> r.Replica:
         """The replica for a point."""

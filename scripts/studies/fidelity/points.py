@@ -26,21 +26,11 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Point:
-    """One operating point at rated current.
+    """One operating point at rated current."""
 
-    Attributes
-    ----------
-    drive : str
-        Name of a shipped drive file.
-    bound : float
-        Half width of the current bound, per unit.
-    omega_s : float
-        Stator frequency, per unit, signed.
-    """
-
-    drive: str
-    bound: float
-    omega_s: float
+    drive: str  #: Name of a shipped drive file.
+    bound: float  #: Half width of the current bound, per unit.
+    omega_s: float  #: Stator frequency, per unit, signed.
 
     def load(self) -> Drive:
         """The drive with this point's bound."""

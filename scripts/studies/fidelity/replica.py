@@ -71,51 +71,26 @@ _FROM_NEUTRAL, _FROM_CAPACITOR = anpc.NEUTRAL_CURRENT, anpc.CAPACITOR_CURRENT
 
 
 class Replica(NamedTuple):
-    """What `decide` needs, as numbers and arrays.
+    """What `decide` needs, as numbers and arrays."""
 
-    Attributes
-    ----------
-    exact : IdealParameters
-        The drive.
-    measurement : (13,)
-        Grains of the measurements, in the order of ``formats.MEASUREMENTS``.
-    coefficients : (29,)
-        Register values, rounded or not.
-    result : (30,)
-        Grains of products and terms.
-    half, forced, cost : float
-        Grains of a component halved on its way to the phases, of the sum of the voltage terms, and
-        of the parts of the cost (LSB of each).
-    bounds : (7,)
-        Half widths, trajectory units.
-    scale : int
-        Index into ``formats.WEIGHT_FRACTIONS``.
-    unit : float
-        Trajectory units per unit.
-    trajectory : int
-        EXACT to EULER.
-    first_exit : int
-        EVERY_STEP, THRESHOLD or PLAIN.
-    fit : (8,)
-        Slopes and curvatures of ``second_order.Parabola``, in its order.
-    euler : (5,)
-        Slopes of Paper A's prediction: factors of i_s, psi_r, j*omega_r*psi_r,
-        -omega_r^2*psi_r and minus the stator voltage.
-    """
-
-    exact: ideal.IdealParameters
+    exact: ideal.IdealParameters  #: The drive.
+    #: (13,): grains of the measurements, in the order of ``formats.MEASUREMENTS``.
     measurement: FloatArray
-    coefficients: FloatArray
-    result: FloatArray
+    coefficients: FloatArray  #: (29,): register values, rounded or not.
+    result: FloatArray  #: (30,): grains of products and terms.
+    #: Grains of a component halved on its way to the phases, of the sum of the voltage terms, and
+    #: of the parts of the cost (LSB of each).
     half: float
     forced: float
     cost: float
-    bounds: FloatArray
-    scale: int
-    unit: float
-    trajectory: int
-    first_exit: int
-    fit: FloatArray
+    bounds: FloatArray  #: (7,): half widths, trajectory units.
+    scale: int  #: Index into ``formats.WEIGHT_FRACTIONS``.
+    unit: float  #: Trajectory units per unit.
+    trajectory: int  #: EXACT to EULER.
+    first_exit: int  #: EVERY_STEP, THRESHOLD or PLAIN.
+    fit: FloatArray  #: (8,): slopes and curvatures of ``second_order.Parabola``, in its order.
+    #: (5,): slopes of Paper A's prediction: factors of i_s, psi_r, j*omega_r*psi_r,
+    #: -omega_r^2*psi_r and minus the stator voltage.
     euler: FloatArray
 
 

@@ -80,24 +80,12 @@ class MptcBlock:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a block.
+    """What came of a block."""
 
-    Attributes
-    ----------
-    kind
-        Of its states.
-    counts
-        Of decisions, of those that differ, and of what happened in them.
-    worst
-        Largest excess of a cost in allowances, MPTC and MPFC; 0 for MPDCC.
-    listed
-        Numbers of states that differ, ``LISTED`` at most.
-    """
-
-    kind: str
-    counts: Counter[str]
-    worst: float
-    listed: tuple[int, ...]
+    kind: str  #: Of its states.
+    counts: Counter[str]  #: Of decisions, of those that differ, and of what happened in them.
+    worst: float  #: Largest excess of a cost in allowances, MPTC and MPFC; 0 for MPDCC.
+    listed: tuple[int, ...]  #: Numbers of states that differ, ``LISTED`` at most.
 
 
 def _rng(controller: str, seed: int, number: int) -> np.random.Generator:

@@ -73,33 +73,19 @@ POSITIONS, EFFORTS, THERE = _tables()
 
 @dataclass(frozen=True)
 class Decided:
-    """Decisions, and why they are what they are; n states.
+    """Decisions, and why they are what they are; n states."""
 
-    Attributes
-    ----------
-    decision : (n, 7)
-        In the order of ``FIELDS``.
-    ended_by : (n,)
-        What ended the length of the choice: 0 to 6 as ``VARIABLES``, 7 the horizon; -1 without one.
-    ties : (n,)
-        Candidates at the cost, or at the excess, of the choice; 0 when held.
-    cost_clipped : (n,)
-        Whether the weight on v_n of the choice did not fit its word.
-    excess_of : (n,)
-        In a deadlock the variable of the largest excess of the choice; -1 elsewhere.
-    turned : (n,)
-        Whether a current of the choice leaves on the far side, before it turns.
-    returned : (n,)
-        Whether something of the choice starts outside its bound.
-    """
-
-    decision: IntArray
+    decision: IntArray  #: (n, 7): in the order of ``FIELDS``.
+    #: (n,): what ended the length of the choice: 0 to 6 as ``VARIABLES``, 7 the horizon; -1 without
+    #: one.
     ended_by: IntArray
-    ties: IntArray
-    cost_clipped: BoolArray
+    ties: IntArray  #: (n,): candidates at the cost, or at the excess, of the choice; 0 when held.
+    cost_clipped: BoolArray  #: (n,): whether the weight on v_n of the choice did not fit its word.
+    #: (n,): in a deadlock the variable of the largest excess of the choice; -1 elsewhere.
     excess_of: IntArray
+    #: (n,): whether a current of the choice leaves on the far side, before it turns.
     turned: BoolArray
-    returned: BoolArray
+    returned: BoolArray  #: (n,): whether something of the choice starts outside its bound.
 
 
 class _Words:

@@ -47,28 +47,15 @@ def zero_from(u: IntArray) -> IntArray:
 
 @dataclass(frozen=True)
 class Judged:
-    """Costs of all vectors for n states.
+    """Costs of all vectors for n states."""
 
-    Attributes
-    ----------
-    cost : (n, 7)
-        G in N m or J in Wb, of zero voltage and u_1 to u_6.
-    allowance : (n,)
-        What rounding may make of a difference of two costs.
-    zero : (n,)
-        Number of zero voltage.
-    clamped : (n,)
-        MPFC: 1 and 0 where the arcsine's argument is beyond -1 ... 1 or is not, -1 where rounding
-        decides; MPTC: 0.
-    plain : (n,)
-        Whether the costs can be compared: MPFC needs some rotor flux.
-    """
-
-    cost: FloatArray
-    allowance: FloatArray
-    zero: IntArray
+    cost: FloatArray  #: (n, 7): g in N m or J in Wb, of zero voltage and u_1 to u_6.
+    allowance: FloatArray  #: (n,): what rounding may make of a difference of two costs.
+    zero: IntArray  #: (n,): number of zero voltage.
+    #: (n,): mPFC: 1 and 0 where the arcsine's argument is beyond -1 ... 1 or is not, -1 where
+    #: rounding decides; MPTC: 0.
     clamped: IntArray
-    plain: BoolArray
+    plain: BoolArray  #: (n,): whether the costs can be compared: MPFC needs some rotor flux.
 
     def excess(self, vector: IntArray) -> FloatArray:
         """What vectors cost beyond the best one, in allowances."""

@@ -31,26 +31,14 @@ _EVERY = 32
 
 @dataclass
 class Sums:
-    """What has been decided so far by one controller.
+    """What has been decided so far by one controller."""
 
-    Attributes
-    ----------
-    done
-        Numbers of the blocks.
-    kinds
-        Kind of states -> its decisions, and those that differ.
-    counts
-        What happened how often.
-    worst
-        As of ``blocks.Outcome``.
-    listed
-        Block and number of states that differ.
-    """
-
-    done: set[int] = field(default_factory=set)
+    done: set[int] = field(default_factory=set)  #: Numbers of the blocks.
+    #: Kind of states -> its decisions, and those that differ.
     kinds: dict[str, list[int]] = field(default_factory=dict)
-    counts: Counter[str] = field(default_factory=Counter)
-    worst: float = 0.0
+    counts: Counter[str] = field(default_factory=Counter)  #: What happened how often.
+    worst: float = 0.0  #: As of ``blocks.Outcome``.
+    #: Block and number of states that differ.
     listed: list[list[int]] = field(default_factory=list)
 
     def add(self, number: int, found: blocks.Outcome) -> None:

@@ -30,26 +30,15 @@ PARTS = 12
 
 @dataclass(frozen=True)
 class Leg:
-    """Devices of a leg between its nodes, the load at node O.
+    """Devices of a leg between its nodes, the load at node O."""
 
-    Attributes
-    ----------
-    devices
-        Gate and the nodes that its transistor conducts between; its diode conducts backwards.
-    fixed
-        Potentials of the dc link.
-    tied
-        Nodes that a charged capacitor ties to another one: the other one, and how much higher.
-    ratings
-        What each device may block.
-    capacitances
-        Sets of output capacitances, a value for each device.
-    """
-
+    #: Gate and the nodes that its transistor conducts between; its diode conducts backwards.
     devices: dict[int, tuple[str, str]]
-    fixed: dict[str, float]
+    fixed: dict[str, float]  #: Potentials of the dc link.
+    #: Nodes that a charged capacitor ties to another one: the other one, and how much higher.
     tied: dict[str, tuple[str, float]]
-    ratings: tuple[float, ...]
+    ratings: tuple[float, ...]  #: What each device may block.
+    #: Sets of output capacitances, a value for each device.
     capacitances: tuple[tuple[float, ...], ...]
 
 
@@ -87,21 +76,11 @@ def leg_of(converter: Converter) -> Leg:
 
 @dataclass
 class Circuit:
-    """Legs of one kind, a row each.
+    """Legs of one kind, a row each."""
 
-    Attributes
-    ----------
-    leg : Leg
-        Devices and nodes.
-    charge : ndarray
-        That leaves each leg in a dead time; negative: comes into it.
-    capacitance : ndarray
-        Of each device, a row for each leg.
-    """
-
-    leg: Leg
-    charge: Floats
-    capacitance: Floats
+    leg: Leg  #: Devices and nodes.
+    charge: Floats  #: That leaves each leg in a dead time; negative: comes into it.
+    capacitance: Floats  #: Of each device, a row for each leg.
     volts: Floats = field(init=False)
 
     def __post_init__(self) -> None:

@@ -23,22 +23,14 @@ def following(five_level: bool, position: int) -> list[int]:
 
 @dataclass
 class Unguarded(Leg):
-    """A leg that nobody keeps from goals which are no edges, or too early: it has the interlock.
+    """A leg that nobody keeps from goals which are no edges, or too early: it has the interlock."""
 
-    Attributes
-    ----------
-    origin, first : int
-        Position that a move would begin from, and gate that would begin it.
-    tried : set of int
-        Gates that would have been on after the last action.
-    refused : bool
-        Whether the action of this edge was refused.
-    """
-
+    #: Position that a move would begin from, and gate that would begin it.
     origin: int = 0
     first: int = 0
+    #: Gates that would have been on after the last action.
     tried: set[int] = field(default_factory=set)
-    refused: bool = False
+    refused: bool = False  #: Whether the action of this edge was refused.
 
     def actions(self, goal: int) -> list[int]:
         """Gates that change one after the other: the first of g, a and b that differs moves."""

@@ -16,15 +16,9 @@ BIT = {name: 1 << n for n, name in enumerate(FAULTS)}
 
 @dataclass
 class Supervisor:
-    """When gates may be on, told with absolute times.
+    """When gates may be on, told with absolute times."""
 
-    Attributes
-    ----------
-    least
-        Least dead time, clocks.
-    """
-
-    least: int
+    least: int  #: Least dead time, clocks.
     now: int = 0
     state: str = "off"
     primed: bool = False

@@ -17,17 +17,10 @@ SIZES = (1, 2, 6, 7, 18, 38)  # bytes of a frame without its CRC
 
 @dataclass
 class Encoder:
-    """What the encoder writes in each clock.
+    """What the encoder writes in each clock."""
 
-    Attributes
-    ----------
-    body : bytearray
-        Bytes of the frame that have come.
-    memory : dict of int
-        Place -> byte, as written since the frame began.
-    """
-
-    body: bytearray = field(default_factory=bytearray)
+    body: bytearray = field(default_factory=bytearray)  #: Bytes of the frame that have come.
+    #: Place -> byte, as written since the frame began.
     memory: dict[int, int] = field(default_factory=dict)
     state: str = "idle"
     left: list[int] = field(default_factory=list)

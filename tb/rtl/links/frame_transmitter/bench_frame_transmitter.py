@@ -17,21 +17,12 @@ OFFERED, NEXT = 7, 5
 
 @dataclass
 class Line:
-    """What a link gives out, byte after byte.
+    """What a link gives out, byte after byte."""
 
-    Attributes
-    ----------
-    out : bytes or None
-        The frame that waits or is under way, delimiters and all; None: there is none.
-    at : int
-        Bytes of it that have been taken.
-    since : int
-        Clocks since another byte is the next one.
-    """
-
+    #: The frame that waits or is under way, delimiters and all; None: there is none.
     out: bytes | None = None
-    at: int = 0
-    since: int = 0
+    at: int = 0  #: Bytes of it that have been taken.
+    since: int = 0  #: Clocks since another byte is the next one.
 
     @property
     def offered(self) -> bool:
@@ -61,24 +52,13 @@ class Line:
 
 @dataclass
 class Source:
-    """The frame that is being made.
+    """The frame that is being made."""
 
-    Attributes
-    ----------
-    left : list of int
-        Bytes that are still to come.
-    body : bytearray
-        Bytes that have come.
-    due : int or None
-        Clocks until it is offered; None while bytes are missing, or there is no frame.
-    link : int
-        Where it goes.
-    """
-
-    left: list[int] = field(default_factory=list)
-    body: bytearray = field(default_factory=bytearray)
+    left: list[int] = field(default_factory=list)  #: Bytes that are still to come.
+    body: bytearray = field(default_factory=bytearray)  #: Bytes that have come.
+    #: Clocks until it is offered; None while bytes are missing, or there is no frame.
     due: int | None = None
-    link: int = 0
+    link: int = 0  #: Where it goes.
 
 
 @cocotb.test()

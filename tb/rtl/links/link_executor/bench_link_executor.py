@@ -35,77 +35,36 @@ SERVED = [Type.IDENTIFY, Type.COUNTERS, Type.READ, Type.READ, *[Type.WRITE] * 3,
 
 @dataclass
 class Step:
-    """A step, from the clock after its request has passed until its answer has been given.
+    """A step, from the clock after its request has passed until its answer has been given."""
 
-    Attributes
-    ----------
-    link : int
-        Where it came from.
-    frame : Frame
-        Its request.
-    due : int
-        Age at which the core decides.
-    age : int
-        Clocks; the core is asked at 1.
-    decided : int or None
-        Age at which the core has decided; None: it has not, or too late.
-    answer : dict of int
-        What it decided; zeros where there is nothing.
-    intact : bool
-        Whether nothing has been read since.
-    """
-
-    link: int
-    frame: Frame
-    due: int
-    age: int = 0
-    decided: int | None = None
+    link: int  #: Where it came from.
+    frame: Frame  #: Its request.
+    due: int  #: Age at which the core decides.
+    age: int = 0  #: Clocks; the core is asked at 1.
+    decided: int | None = None  #: Age at which the core has decided; None: it has not, or too late.
+    #: What it decided; zeros where there is nothing.
     answer: dict[str, int] = field(default_factory=dict)
-    intact: bool = True
+    intact: bool = True  #: Whether nothing has been read since.
 
 
 @dataclass
 class Request:
-    """A frame that is served.
+    """A frame that is served."""
 
-    Attributes
-    ----------
-    link : int
-        Where it came from.
-    frame : Frame
-        What it is.
-    size : int
-        Bytes that are read of it.
-    step : Step or None
-        The step whose answer it gets.
-    phase : str
-        "read", "judge", "access", "answer" and "reply", in this order; some have no access.
-    age : int
-        Clocks in this phase.
-    outcome : Outcome
-        What has become of it.
-    done : int
-        Age at which its access is done.
-    response, rdata : int
-        What came of the access.
-    reply : Reply or None
-        What is given out.
-    alone : bool
-        Whether it has waited for nothing but its access and its decision.
-    """
-
-    link: int
-    frame: Frame
-    size: int
-    step: Step | None = None
+    link: int  #: Where it came from.
+    frame: Frame  #: What it is.
+    size: int  #: Bytes that are read of it.
+    step: Step | None = None  #: The step whose answer it gets.
+    #: "read", "judge", "access", "answer" and "reply", in this order; some have no access.
     phase: str = "read"
-    age: int = 0
-    outcome: Outcome = Outcome.ACCEPTED
-    done: int = 0
+    age: int = 0  #: Clocks in this phase.
+    outcome: Outcome = Outcome.ACCEPTED  #: What has become of it.
+    done: int = 0  #: Age at which its access is done.
+    #: What came of the access.
     response: int = 0
     rdata: int = 0
-    reply: Reply | None = None
-    alone: bool = False
+    reply: Reply | None = None  #: What is given out.
+    alone: bool = False  #: Whether it has waited for nothing but its access and its decision.
 
 
 class Bench:

@@ -67,36 +67,17 @@ def reply_to(
 
 @dataclass
 class Reply:
-    """A reply that is given out.
+    """A reply that is given out."""
 
-    Attributes
-    ----------
-    body : bytes
-        All of it, without CRC.
-    counts : list of int
-        Counters in it; none but in the reply to COUNTERS.
-    ask : int or None
-        Where it asks for bytes of an address; None: nowhere.
-    age : int
-        Clocks since it began.
-    due : dict of int
-        Age to the place of the byte that is out then, as far as that is known.
-    look : int or None
-        Age at which it begins to look at a counter; None: it does not.
-    shown : int or None
-        Age at which that is shown.
-    at : int
-        Which counter of its eight it is.
-    """
-
-    body: bytes
-    counts: list[int]
-    ask: int | None
-    age: int = 0
+    body: bytes  #: All of it, without CRC.
+    counts: list[int]  #: Counters in it; none but in the reply to COUNTERS.
+    ask: int | None  #: Where it asks for bytes of an address; None: nowhere.
+    age: int = 0  #: Clocks since it began.
+    #: Age to the place of the byte that is out then, as far as that is known.
     due: dict[int, int] = field(default_factory=dict)
-    look: int | None = None
-    shown: int | None = None
-    at: int = 0
+    look: int | None = None  #: Age at which it begins to look at a counter; None: it does not.
+    shown: int | None = None  #: Age at which that is shown.
+    at: int = 0  #: Which counter of its eight it is.
 
     def __post_init__(self) -> None:
         size = p.HEADER_SIZE if self.counts else len(self.body)

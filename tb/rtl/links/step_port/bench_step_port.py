@@ -15,24 +15,12 @@ ANSWER = {"decision": "position", "decision_flags": "flags", "decision_length": 
 
 @dataclass
 class Step:
-    """A step from its start until its answer is fetched.
+    """A step from its start until its answer is fetched."""
 
-    Attributes
-    ----------
-    age : int
-        Clocks since start.
-    decided : int or None
-        Age at which the core has decided; None: it has not, or too late.
-    answer : dict of int
-        What it decided, by output.
-    given_up : bool
-        Whether the core took too long.
-    """
-
-    age: int = 0
-    decided: int | None = None
-    answer: dict[str, int] | None = None
-    given_up: bool = False
+    age: int = 0  #: Clocks since start.
+    decided: int | None = None  #: Age at which the core has decided; None: it has not, or too late.
+    answer: dict[str, int] | None = None  #: What it decided, by output.
+    given_up: bool = False  #: Whether the core took too long.
 
     @property
     def done(self) -> bool:

@@ -34,24 +34,14 @@ from tb.rtl.mpdcc.mpdcc_core import second_level_rows
 
 @dataclass(frozen=True)
 class Case:
-    """A configuration of the core and what is tried on it.
-
-    Attributes
-    ----------
-    stride
-        Every so many edges of the first decision see a reset.
-    scattered
-        Resets at random edges.
-    counts
-        Searches, holds and deadlocks to choose from.
-    """
+    """A configuration of the core and what is tried on it."""
 
     variant: str
     explorers: int
     two: bool
-    stride: int
-    scattered: int
-    counts: tuple[int, int, int] = (6, 2, 2)
+    stride: int  #: Every so many edges of the first decision see a reset.
+    scattered: int  #: Resets at random edges.
+    counts: tuple[int, int, int] = (6, 2, 2)  #: Searches, holds and deadlocks to choose from.
 
     def __str__(self) -> str:
         return f"{self.variant}-{self.explorers}{'-SESE' * self.two}"
