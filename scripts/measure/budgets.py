@@ -19,12 +19,11 @@ from __future__ import annotations
 
 import concurrent.futures
 import copy
-from collections.abc import Iterable, Sequence
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-
-import tomli_w
 
 from scripts.hdl import clocks, sources
 from scripts.hdl.clocks import BUDGETS, BudgetError, clocks_of
@@ -227,15 +226,39 @@ def coverage(
 
 
 def render(budgets: Budgets) -> str:
-    """The file's text; entities with clocks in order of their names."""
-    parts = {
+    """The file's text, a row for each family; entities with clocks in order of their names."""
+    cycles = dict(sorted(budgets.cycles.items()))
+    parts = {name: row for name, row in cycles.items() if any(map(_is_table, row.values()))}
+    tables = {
         "tools": budgets.tools,
-        "resources": budgets.resources,
-        "luts_with": budgets.luts_with,
+        **{f"resources.{name}": rows for name, rows in budgets.resources.items()},
+        **{
+            f"luts_with.{json.dumps(ghdl)}.{name}": rows
+            for ghdl, held in budgets.luts_with.items()
+            for name, rows in held.items()
+        },
         "unchanged": budgets.unchanged,
-        "cycles": dict(sorted(budgets.cycles.items())),
+        "cycles": {name: row for name, row in cycles.items() if name not in parts},
+        **{f"cycles.{name}": row for name, row in parts.items()},
     }
-    return f"{_HEAD}\n{tomli_w.dumps(parts)}"
+    return "\n".join([_HEAD, *(_table(name, rows) for name, rows in tables.items())])
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, dict)
+
+
+def _table(name: str, rows: Mapping[str, Any]) -> str:
+    """A table of TOML, a row a line."""
+    return f"[{name}]\n" + "".join(f"{key} = {_row(row)}\n" for key, row in rows.items())
+
+
+def _row(value: Any) -> str:
+    """A value of TOML; a table in its line."""
+    if not _is_table(value):
+        return json.dumps(value)
+    cells = ", ".join(f"{key} = {_row(one)}" for key, one in value.items())
+    return f"{{ {cells} }}" if cells else "{}"
 
 
 def slices(row: dict[str, int]) -> tuple[int, int]:
