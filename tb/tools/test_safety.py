@@ -108,7 +108,7 @@ def wrong_promises(text: str) -> list[str]:
 def numbers(words: str) -> set[int]:
     """Numbers that words hold: digits, words, ordinals, and the largest value of a register."""
     found = {int(number) for number in re.findall(r"\b\d+\b", words)}
-    found |= {2 ** (int(top) + 1) - 1 for top in re.findall(r"\b(\d+):0\b", words)}
+    found |= {2 ** int(bits) - 1 for bits in re.findall(r"\bu(\d+)\b", words)}
     return found | {value for word, value in WORDS.items() if re.search(rf"\b{word}\b", words)}
 
 
