@@ -50,6 +50,7 @@ STATE = MptcState(
 )
 ADDRESSES = {name: address for name, (address, _) in registers_of("mptc").items()}
 CONTROL = ADDRESSES["system.control"]
+PENDING, IN_FORCE = 2, 64  # bits of system.status
 
 
 class Rehearsal(LinkModel):
@@ -61,9 +62,11 @@ class Rehearsal(LinkModel):
         forgets: str = "",
         fault: int = 0,
         clock: int = 25_000_000,
+        status: int = IN_FORCE,
     ) -> None:
         self.written: list[tuple[int, int]] = []
-        self.words: dict[int, int] = {}
+        self.words: dict[int, int] = {ADDRESSES["system.status"]: status}
+        self.status = status
         self.forgets, self.fault = forgets, fault
         super().__init__(
             Identity(p.VERSION, Controller.MPTC, 0, 3, 0, clock, 125_000),
@@ -78,7 +81,9 @@ class Rehearsal(LinkModel):
             self.words[address] = word
         if address == CONTROL:
             self.words[ADDRESSES["system.faults"]] = self.fault if word & 1 else 0
-            self.words[ADDRESSES["system.status"]] = 16 if word & 1 and self.fault else 0
+            self.words[ADDRESSES["system.status"]] = self.status | (
+                16 if word & 1 and self.fault else 0
+            )
         return 0
 
     @property
@@ -402,6 +407,12 @@ def test_what_a_step_and_a_load_refuse() -> None:
         pytest.raises(RegisterError, match=r"guard\.dead_time did not keep"),
     ):
         board.load(MPTC)
+    for status in (0, IN_FORCE | PENDING):
+        with (
+            board_of(Rehearsal(status=status)) as board,
+            pytest.raises(RegisterError, match="settings did not come into force"),
+        ):
+            board.load(MPTC)
 
 
 def test_a_value_that_was_made_safer_is_a_warning() -> None:
@@ -563,15 +574,21 @@ def gates_in(log: Path) -> int:
     return (gates_over_time(log) or [0])[-1]
 
 
-def test_a_run_that_ramps_down_ends_with_the_gates_off(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("controller", "drive"), [("mptc", MPTC), ("mpdcc", "anpc5l_6kv")], ids=["mptc", "mpdcc"]
+)
+def test_a_run_that_ramps_down_ends_with_the_gates_off(
+    tmp_path: Path, controller: str, drive: str
+) -> None:
     log = tmp_path / "gates.csv"
-    file = ROOT / "drives" / f"{MPTC}.toml"
-    with VirtualBoard(generics("mptc"), tmp_path / "board", log) as running:
+    file = ROOT / "drives" / f"{drive}.toml"
+    with VirtualBoard(generics(controller), tmp_path / "board", log) as running:
         given = ["--port", str(running.port), "run", str(file), "--steps", "60", "--gates"]
         assert commands.main([*given, "--ramp-down", "40"]) == 0
         with Board(running.port) as board:
             assert board.faults() == ()
             assert not board.read("system.status")["enabled"]
+    assert any(gates_over_time(log))
     assert gates_in(log) == 0
 
 

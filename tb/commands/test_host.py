@@ -58,9 +58,10 @@ def model(
     explorers: int = 0,
 ) -> LinkModel:  # fmt: skip
     words = {} if words is None else words
+    shown = {registers_of("mptc")["system.status"][0]: 1 << 6}  # settings are in force
     return LinkModel(
         Identity(p.VERSION, controller, explorers, 1 + 2 * controls, 0, 25_000_000, 125_000),
-        read=lambda address: (0, words.get(address, 0)),
+        read=lambda address: (0, words.get(address, shown.get(address, 0))),
         write=lambda address, word: words.update({address: word}) or 0,
         step=lambda payload: Decision(payload[0] & 7, 0, 0, 39, 0, 0),
     )

@@ -86,6 +86,9 @@ LONGEST_TIME = 0xFFFF
 
 _STOP_ATTEMPTS = 5
 
+#: Reads of the status within which a commit has come into force.
+_COMMIT_READS = 50
+
 #: Steps after a start within which the gates have come on, or the host looks why they have not.
 _STEPS_TO_RUN = 4
 
@@ -563,7 +566,8 @@ class Board:
             another clock.
         RegisterError
             If it asks for what was not built into this board, or a value does not fit its register;
-            nothing is written then. If a register does not keep what was written.
+            nothing is written then. If a register does not keep what was written, or the guard's
+            settings do not come into force.
         ValueError
             If the drive cannot be used; the message names the key. In real time also if a decision
             can outlast the guard's decision limit, or a leg's move the control period, as of
@@ -614,6 +618,14 @@ class Board:
             self.write_word(address, word)
         if differing := self.differing(found):
             raise RegisterError(f"{', '.join(differing)} did not keep what was written")
+        # a commit waits for the decision that is under way; its time here is that of the exchanges
+        status = self.read("system.status")
+        for _ in range(_COMMIT_READS):
+            if not status["commit_pending"]:
+                break
+            status = self.read("system.status")
+        if status["commit_pending"] or not status["in_force"]:
+            raise RegisterError("the guard's settings did not come into force")
         return len(writes)
 
     def _check_controller(self, controller: str) -> None:

@@ -2,7 +2,8 @@
 
 Stimulus: transactions of whole bytes and of bytes that the chip select cuts off, at 4/3 of clk and
 slower; SCK for another slave in between, while the chip select is high; SCK that stays high behind
-a byte; a reset in each clock while a byte or the end of a transaction crosses to clk.
+a byte; a reset in each clock while a byte or the end of a transaction crosses to clk;
+synchronisers that take a clock more or less, each bit for itself.
 Checks: every bit on MISO; every received byte, and that it stands until the next one; how often a
 byte is taken; the end of a transaction; none of it for the other slave's clocks; nothing that a
 reset has taken away, and all else.
@@ -17,25 +18,62 @@ from pathlib import Path
 
 import pytest
 
+from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import Fault, altered, assert_seen, file_of
 from tb.helpers.simulation import Outcome, run
 
 NAME = "spi_slave"
 
 
-def bench(rtl: Path = RTL, transactions: int = 60) -> Outcome:
+#: A first stage that may become metastable: what changes at its edge comes with it, or one later.
+EVEN = "      stage <= asynchronous & stage(1 to STAGES - 1);"
+UNEVEN = """\
+      noise  <= noise(21 downto 0) & (noise(22) xor noise(17));
+      before <= asynchronous;
+      stage  <= ((asynchronous and noise(WIDTH - 1 downto 0))
+                 or (before and not noise(WIDTH - 1 downto 0)))
+                & stage(1 to STAGES - 1);"""
+STAGE = "  signal stage : stages_t;"
+NOISE = """\
+  signal noise  : std_logic_vector(22 downto 0) := (others => '1');
+  signal before : std_logic_vector(WIDTH - 1 downto 0);
+"""
+
+
+def uneven(folder: Path) -> Path:
+    """A copy whose synchronisers take a clock more or less, each bit for itself."""
+    rtl = altered(folder, "sync_bits", EVEN, UNEVEN)
+    path = file_of("sync_bits", rtl)
+    path.write_text(path.read_text(encoding="utf-8").replace(STAGE, NOISE + STAGE), "utf-8")
+    return rtl
+
+
+def bench(rtl: Path = RTL, transactions: int = 60, *, is_uneven: bool = False) -> Outcome:
     return run(
         NAME,
         f"tb.rtl.links.{NAME}.bench_{NAME}",
         units=[NAME],
-        arguments={"transactions": transactions},
+        arguments={"transactions": transactions, "uneven": is_uneven},
         rtl=rtl,
     )
 
 
 def test_bytes_cross_whole_and_none_is_taken_for_another_slave() -> None:
     bench()
+
+
+def test_they_do_where_the_synchronisers_take_unequal_times(tmp_path: Path) -> None:
+    rtl = uneven(tmp_path)
+    bench(rtl, 300, is_uneven=True)
+    # where both come at once, what is cut off wins
+    path = file_of(NAME, rtl)
+    text = path.read_text("utf-8")
+    old = "if (rising = '1') then\n        tx_hold"
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, old.replace("'1'", "'1' and taken = '0'")), "utf-8")
+    with pytest.raises(CheckError, match="miso"):
+        bench(rtl, 300, is_uneven=True)
 
 
 FAULTS = [
