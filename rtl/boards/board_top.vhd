@@ -7,6 +7,10 @@
 -- The gates are registers of the gate guard and zero from configuration on. permit = '0' turns the pins off without a
 -- clock (gate_release); the guard latches a fault with it. With PLL an unlocked PLL, or a clock that clock_monitor
 -- finds too slow, too fast or dead, does the same, and resets the whole when the clock is back.
+-- There the core's clock also watches the second oscillator, which alone could not tell that it stands: without it the
+-- guard trips (external_trip), and status.second_clock is '0'.
+-- With DRIVERS a '0' at driver_fault_n or driver_ready is the guard's fault driver: gates at the rails are off three
+-- clocks after it. Without the generic the two pins are not read.
 -- held_high is constant. Where another part of the board could reconfigure the FPGA, it keeps that part from doing so
 -- (docs/boards.md).
 --
@@ -41,6 +45,7 @@ entity board_top is
     PLL               : boolean               := false;      -- true: board_clock makes the core's clock
     BAUD              : positive              := 3_000_000;  -- UART, 1/s
     LEAST_DEAD_TIME   : positive              := 400;        -- ns; shorter dead times are raised to it
+    DRIVERS           : boolean               := false;      -- true: the gate drivers' outputs are wired
     RECORDER_ROWS     : natural               := 0           -- steps that are recorded: 0, or a power of two from 8 on
   );
   port (
@@ -53,6 +58,8 @@ entity board_top is
     spi_miso       : out   std_logic;                     -- to the rig; always driven, low while spi_cs_n is high
     steps_over_spi : in    std_logic;                     -- switch: '1': steps come over SPI, '0': UART
     permit         : in    std_logic;                     -- asynchronous, '0': gates off, fault; pulled down
+    driver_fault_n : in    std_logic;                     -- asynchronous, '0': a gate driver has a fault; pulled down
+    driver_ready   : in    std_logic;                     -- asynchronous, '0': one is not ready; pulled down
     gates          : out   std_logic_vector(23 downto 0); -- '1': on; MPDCC: S1, S2, ... of a, b, c; MPTC: bits 0 to 5
     leds           : out   std_logic_vector(3 downto 0);  -- 0: running, 1: fault, 2: deciding, 3: steps over SPI
     held_high      : out   std_logic_vector(2 downto 0)   -- always '1': pins that can have the FPGA reconfigured
@@ -91,6 +98,8 @@ architecture rtl of board_top is
   signal control         : std_logic; -- steps_over_spi, synchronous to core_clock
   signal permitted       : std_logic; -- permit, synchronous to core_clock
   signal external_trip   : std_logic;
+  signal second_clock    : std_logic; -- '1': the second oscillator runs, or there is none
+  signal driver_fault    : std_logic; -- of a gate driver, synchronous to core_clock
   signal awready         : std_logic;
   signal awvalid         : std_logic;
   signal awaddr          : std_logic_vector(9 downto 0);
@@ -142,6 +151,9 @@ begin
     constant OSCILLATOR_HZ : positive := 2_421_875;                                           -- 310 MHz / 128
     -- clocks of the oscillator, in thousandths, to 2**DIVIDE_BITS of the core's
     constant BEAT          : positive := 2 ** DIVIDE_BITS * OSCILLATOR_HZ / (CLOCK_HZ / 1000);
+    constant TICK_BITS     : positive := 3;
+    -- clocks of the core to 2**TICK_BITS of the oscillator
+    constant TICK          : positive := 2 ** TICK_BITS * (CLOCK_HZ / 1000) / (OSCILLATOR_HZ / 1000);
 
     signal locked     : std_logic;
     signal oscillator : std_logic;
@@ -172,6 +184,19 @@ begin
         alive      => alive
       );
 
+    -- the other way round: each watches the other one
+    i_oscillator_monitor : entity work.clock_monitor
+      generic map (
+        DIVIDE_BITS => TICK_BITS,
+        SHORTEST    => TICK * 100 / 115 - 2,
+        LONGEST     => TICK * 100 / 85 + 3
+      )
+      port map (
+        clk        => oscillator,
+        oscillator => core_clock,
+        alive      => second_clock
+      );
+
     clock_good <= locked and alive;
 
     i_ready : entity work.sync_bits
@@ -192,8 +217,9 @@ begin
   end generate g_direct;
 
   g_no_pll : if not PLL generate
-    clock_good <= '1';
-    ready      <= '1';
+    clock_good   <= '1';
+    ready        <= '1';
+    second_clock <= '1';
   end generate g_no_pll;
 
   g_divided : if DIVIDE > 1 generate
@@ -236,6 +262,32 @@ begin
       synchronous(0)  => control
     );
 
+  g_drivers : if DRIVERS generate
+
+    signal said : std_logic_vector(1 downto 0);
+
+  begin
+
+    i_drivers : entity work.sync_bits
+      generic map (
+        WIDTH  => 2,
+        STAGES => 2
+      )
+      port map (
+        clk             => core_clock,
+        asynchronous(0) => driver_fault_n,
+        asynchronous(1) => driver_ready,
+        synchronous     => said
+      );
+
+    driver_fault <= not (said(0) and said(1));
+
+  end generate g_drivers;
+
+  g_no_drivers : if not DRIVERS generate
+    driver_fault <= '0';
+  end generate g_no_drivers;
+
   allowed <= permit and clock_good;
 
   i_release : entity work.gate_release
@@ -269,7 +321,7 @@ begin
 
   end process p_start;
 
-  external_trip <= not permitted;
+  external_trip <= not permitted or not second_clock;
   held_high     <= (others => '1');
 
   i_host_link : entity work.host_link
@@ -355,6 +407,8 @@ begin
         rst            => rst,
         enable         => '1',
         external_trip  => external_trip,
+        driver_fault   => driver_fault,
+        second_clock   => second_clock,
         start          => step_start,
         is_alpha       => measurements(15 downto 0),
         is_beta        => measurements(31 downto 16),
@@ -433,6 +487,8 @@ begin
         rst            => rst,
         enable         => '1',
         external_trip  => external_trip,
+        driver_fault   => driver_fault,
+        second_clock   => second_clock,
         start          => step_start,
         is_alpha       => measurements(15 downto 0),
         is_beta        => measurements(31 downto 16),

@@ -58,6 +58,7 @@ entity mpdcc_system is
     -- may be left open
     -- vsg_off port_012
     driver_fault   : in    std_logic := '0';              -- '1': likewise; a gate driver has a fault or is not ready
+    second_clock   : in    std_logic := '1';              -- '1': the second oscillator runs; for the status alone
     -- vsg_on port_012
     start          : in    std_logic;                     -- '1' for one clock: measurements are there, decide
     is_alpha       : in    std_logic_vector(15 downto 0); -- signed, 1/16000 pu
@@ -330,7 +331,9 @@ begin
   i_shell : entity work.system_shell
     generic map (
       FIVE_LEVEL      => true,
-      LEAST_DEAD_TIME => LEAST_DEAD_TIME
+      LEAST_DEAD_TIME => LEAST_DEAD_TIME,
+      FIRST_BOUND     => PLACE_BOUND_CURRENT,
+      BOUND_LIMIT     => choose(FOLDED, 65535, LARGEST_BOUND)
     )
     port map (
       clk                => clk,
@@ -338,6 +341,7 @@ begin
       enable             => enable,
       external_trip      => external_trip,
       driver_fault       => driver_fault,
+      second_clock       => second_clock,
       start              => start,
       m_awvalid          => s_axil_awvalid,
       m_awready          => s_axil_awready,

@@ -48,6 +48,7 @@ entity mptc_system is
     -- may be left open
     -- vsg_off port_012
     driver_fault   : in    std_logic := '0';              -- '1': likewise; a gate driver has a fault or is not ready
+    second_clock   : in    std_logic := '1';              -- '1': the second oscillator runs; for the status alone
     -- vsg_on port_012
     start          : in    std_logic;                     -- '1' for one clock: measurements are there, decide
     is_alpha       : in    std_logic_vector(15 downto 0); -- signed, current_max/32767
@@ -247,6 +248,7 @@ begin
       enable             => enable,
       external_trip      => external_trip,
       driver_fault       => driver_fault,
+      second_clock       => second_clock,
       start              => start,
       m_awvalid          => s_axil_awvalid,
       m_awready          => s_axil_awready,

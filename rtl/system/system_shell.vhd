@@ -33,7 +33,9 @@ entity system_shell is
   generic (
     FIVE_LEVEL      : boolean                  := true; -- true: legs of the converter's package, false: two-level ones
     MEASUREMENTS    : positive range 1 to 16   := 13;   -- registers that a measurement has, positions not counted
-    LEAST_DEAD_TIME : positive range 1 to 4095 := 10    -- clocks; shorter dead times are raised to it
+    LEAST_DEAD_TIME : positive range 1 to 4095 := 10;   -- clocks; shorter dead times are raised to it
+    FIRST_BOUND     : natural range 0 to 61    := 0;    -- place of MPDCC's three bounds among the parameters
+    BOUND_LIMIT     : natural range 0 to 65535 := 65535 -- of MPDCC's bounds, trajectory units; 65535: any bound passes
   );
   port (
     clk                : in    std_logic;                     -- rising edge
@@ -41,6 +43,7 @@ entity system_shell is
     enable             : in    std_logic;                     -- '1': gates may be on, if control.enable is set too
     external_trip      : in    std_logic;                     -- '1': all gates off; synchronous to clk
     driver_fault       : in    std_logic;                     -- '1': likewise, of a gate driver
+    second_clock       : in    std_logic;                     -- '1': the second oscillator runs; for the status alone
     start              : in    std_logic;                     -- '1' for one clock: measurements are at the ports
     -- bus writes, from the bus and to the register block
     m_awvalid          : in    std_logic;                     -- '1': address there
@@ -187,12 +190,16 @@ begin
            '0';
 
   i_rules : entity work.write_rules
+    generic map (
+      FIRST_BOUND => FIRST_BOUND,
+      BOUND_LIMIT => BOUND_LIMIT
+    )
     port map (
       clk     => clk,
       rst     => rst,
       address => m_awaddr,
       whole   => whole,
-      sets    => m_wdata(0),
+      word    => m_wdata(15 downto 0),
       passed  => passed,
       enabled => written.control.enable.value,
       commit  => written.command.commit.value,
@@ -445,6 +452,7 @@ begin
   shown.status.fault.next_q          <= '0' when latched = (latched'range => '0') else '1';
   shown.status.enabled.next_q        <= enabled;
   shown.status.in_force.next_q       <= not differ;
+  shown.status.second_clock.next_q   <= second_clock;
 
   shown.flags.saturated.hwset          <= decided and saturated;
   shown.flags.deadlock.hwset           <= decided and deadlock;

@@ -91,7 +91,8 @@ a parameter takes one clock more.
 - a write to a shadow register while `status.commit_pending` is 1, also after a reset;
 - a write to `guard` or `bands` while `control.enable` is 1;
 - `control` with `enable` = 1 while `status.commit_pending` is 1, or while a guard register holds a
-  value that has not been committed.
+  value that has not been committed;
+- a bound of MPDCC above 29000, with the fast explorer.
 
 **Time of an access.** Every access is answered within 12 clocks, also during a decision or a
 commit: 480 ns at 25 MHz, 120 ns at 100 MHz. The time starts when the whole access is offered and
@@ -179,7 +180,7 @@ def parameters(controller: str) -> list[Word]:
                 formats.BOUND_WIDTH,
                 False,
                 f"Bound {text}, trajectory units, at most {formats.BOUND_HIGH['fast']} with the "
-                "fast explorer",
+                "fast explorer: a larger one is refused",
             )
             for name, text in bounds.items()
         ]
@@ -563,6 +564,9 @@ def _parameter_places() -> str:
                 f"  constant PLACE_{word.name.upper()} : natural := {found[word.name]};"
                 for word in words
             ),
+            "",
+            "  -- the largest of the three bounds with the fast explorer, trajectory units",
+            f"  constant LARGEST_BOUND : natural := {formats.BOUND_HIGH['fast']};",
             "",
             "  -- bits of each parameter",
             "  constant PARAMETER_BITS : places_t(0 to PARAMETER_COUNT - 1) := (",

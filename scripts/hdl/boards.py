@@ -99,6 +99,8 @@ _ULX3S_PINS = {
     "spi_mosi": "A10",  # GP1
     "spi_miso": "A11",  # GN1
     "permit": "A9",  # GP2
+    "driver_fault_n": "B10",  # GN2
+    "driver_ready": "B9",  # GP3
     **_bits("leds", "B2 C2 C1 D2"),
     # J2: GP14, GN14, GP15, ... GN25
     **_bits(
@@ -110,6 +112,7 @@ _ULX3S_PINS = {
 }
 _PULLS = {"uart_rx": "UP", "spi_cs_n": "UP", "permit": "DOWN", "held_high": "UP"}
 _PULLS |= {"spi_sck": "DOWN", "spi_mosi": "DOWN", "steps_over_spi": "DOWN"}
+_PULLS |= {"driver_fault_n": "DOWN", "driver_ready": "DOWN"}
 
 
 def _ulx3s(size: str, controllers: tuple[str, ...]) -> Board:
@@ -126,8 +129,8 @@ def _ulx3s(size: str, controllers: tuple[str, ...]) -> Board:
         source="github.com/emard/ulx3s, doc/constraints/ulx3s_v20.lpf and prototype/ulx3s_v316.lpf",
         family="ecp5",
         notes=(
-            "SPI and permit on J1 (GP0, GN0, GP1, GN1, GP2), gates on J2 (GP14, GN14 to GP25,",
-            "GN25), steps over SPI with DIP switch 1.",
+            "SPI, permit, drivers' FAULT and READY on J1 (GP0, GN0 to GN2, GP3), gates on J2",
+            "(GP14, GN14 to GP25, GN25), steps over SPI with DIP switch 1.",
             "High: wifi_gpio0 of boards up to v3.0 (L2) and from v3.1 on (F1), user_programn (M4).",
         ),
         pulls=_PULLS,
@@ -163,6 +166,8 @@ BOARDS = {
                 "spi_mosi": "H17",
                 "spi_miso": "K14",
                 "permit": "L13",
+                "driver_fault_n": "T14",
+                "driver_ready": "R16",
                 **_bits("leds", "E18 F13 E13 H15"),
                 **_bits(
                     "gates",
@@ -174,9 +179,9 @@ BOARDS = {
             source="github.com/Digilent/digilent-xdc, Arty-S7-50-Master.xdc",
             family="xc7",
             notes=(
-                "SPI on ck_io10 to 13, permit on ck_io0, gates of phases a, b, c on Pmods JA, JB,",
-                "JC, steps over SPI with SW0. Nothing on the board reconfigures it: held_high",
-                "is on ck_io1 to 3, which are free.",
+                "SPI on ck_io10 to 13, permit on ck_io0, drivers' FAULT and READY on ck_io4 and 5,",
+                "gates of phases a, b, c on Pmods JA, JB, JC, steps over SPI with SW0. Nothing on",
+                "the board reconfigures it: held_high is on ck_io1 to 3, which are free.",
             ),
             clock_standard="SSTL135",
             tail=(
@@ -204,6 +209,8 @@ BOARDS = {
                 "spi_mosi": "E16",
                 "spi_miso": "G16",
                 "permit": "F15",
+                "driver_fault_n": "J13",
+                "driver_ready": "G13",
                 **_bits("leds", "V16 U16 A16 A15"),
                 **_bits(
                     "gates",
@@ -217,8 +224,8 @@ BOARDS = {
             family="xc6s",
             notes=(
                 "Gates on wings A0 to A15 and B0 to B7, SPI on C0 to C3, permit on C4, steps over",
-                "SPI on C5. Nothing on the board reconfigures it: held_high is on C6 to C8, which",
-                "are free.",
+                "SPI on C5, drivers' FAULT and READY on C9, C10. Nothing on the board reconfigures",
+                "it: held_high is on C6 to C8, which are free.",
             ),
             pulls=_PULLS,
         ),
@@ -241,6 +248,8 @@ BOARDS = {
                 "spi_mosi": "B12",
                 "spi_miso": "A12",
                 "permit": "B13",
+                "driver_fault_n": "A13",
+                "driver_ready": "B14",
                 **_bits("leds", "K12 P14 L12 N14"),
                 **_bits(
                     "gates",
@@ -251,7 +260,8 @@ BOARDS = {
             source="github.com/AakaFosfor/S3StarterKit, S3StarterKit.ucf (board: UG130)",
             family="xc3s",
             notes=(
-                "Gates on A2, pins 4 to 27, SPI on 28 to 31, permit on 32, steps over SPI: SW0.",
+                "Gates on A2, pins 4 to 27, SPI on 28 to 31, permit on 32, drivers' FAULT and",
+                "READY on 33 and 34, steps over SPI: SW0.",
                 "Its UART is an RS-232 transceiver: 115200 baud.",
                 "Nothing on the board reconfigures it: held_high is on the LEDs LD4 to LD6.",
             ),

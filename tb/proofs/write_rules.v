@@ -4,14 +4,14 @@
 // Licence: Apache-2.0
 
 module proof (
-  input clk, input rst, input [9:0] address, input whole, input sets, input passed, input enabled, input commit,
+  input clk, input rst, input [9:0] address, input whole, input [15:0] word, input passed, input enabled, input commit,
   input pending, input load
 );
 
   wire hold, refuse;
 
   write_rules i_dut (
-    .clk(clk), .rst(rst), .address(address), .whole(whole), .sets(sets), .passed(passed), .enabled(enabled), .commit(commit),
+    .clk(clk), .rst(rst), .address(address), .whole(whole), .word(word), .passed(passed), .enabled(enabled), .commit(commit),
     .pending(pending), .load(load), .hold(hold), .refuse(refuse)
   );
 
@@ -21,6 +21,9 @@ module proof (
   wire assume_gate = !passed || !(hold || refuse);
 
   wire prove_shadows_stay_while_a_commit_waits = !(passed && of_shadows && pending);
+  // MPDCC's, three words from 0x184 on
+  wire bound = address[9:4] == 6'b011000 && address[3:2] != 0;
+  wire prove_no_bound_beyond_its_limit = !(passed && bound && word > 29000);
   wire prove_whole_words = !(passed && !whole);
 
 endmodule

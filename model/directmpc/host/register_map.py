@@ -68,6 +68,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "fault": (4, 1, False),
                 "enabled": (5, 1, False),
                 "in_force": (6, 1, False),
+                "second_clock": (7, 1, False),
             },
         ),
         "system.flags": (
@@ -827,6 +828,7 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
                 "fault": (4, 1, False),
                 "enabled": (5, 1, False),
                 "in_force": (6, 1, False),
+                "second_clock": (7, 1, False),
             },
         ),
         "system.flags": (

@@ -4868,6 +4868,7 @@ begin
             readback_data_var(ad_hi(16#14#))(4) := hwif_in.system.status.fault.next_q;
             readback_data_var(ad_hi(16#14#))(5) := hwif_in.system.status.enabled.next_q;
             readback_data_var(ad_hi(16#14#))(6) := hwif_in.system.status.in_force.next_q;
+            readback_data_var(ad_hi(16#14#))(7) := hwif_in.system.status.second_clock.next_q;
         end if;
         if ad_low(rd_mux_addr) = ad_low(16#18#) then
             readback_data_var(ad_hi(16#18#))(0) := field_storage.system.flags.saturated.value;

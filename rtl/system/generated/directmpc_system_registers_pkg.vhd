@@ -114,6 +114,10 @@ package directmpc_system_registers_pkg is
         next_q : std_logic;
     end record;
 
+    type \system_registers.status.second_clock_in_t\ is record
+        next_q : std_logic;
+    end record;
+
     type \system_registers.status_in_t\ is record
         busy : \system_registers.status.busy_in_t\;
         commit_pending : \system_registers.status.commit_pending_in_t\;
@@ -122,6 +126,7 @@ package directmpc_system_registers_pkg is
         fault : \system_registers.status.fault_in_t\;
         enabled : \system_registers.status.enabled_in_t\;
         in_force : \system_registers.status.in_force_in_t\;
+        second_clock : \system_registers.status.second_clock_in_t\;
     end record;
 
     type \system_registers.flags.saturated_in_t\ is record

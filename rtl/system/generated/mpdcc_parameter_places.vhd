@@ -76,6 +76,9 @@ package mpdcc_parameter_places is
   constant PLACE_L_EMF : natural := 62;
   constant PLACE_L_MODE : natural := 63;
 
+  -- the largest of the three bounds with the fast explorer, trajectory units
+  constant LARGEST_BOUND : natural := 29000;
+
   -- bits of each parameter
   constant PARAMETER_BITS : places_t(0 to PARAMETER_COUNT - 1) := (
     16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16, 16,

@@ -139,7 +139,7 @@ def check_facts(board: Board, chosen: Generics) -> None:
             assert built[option] == chosen.get(option.upper(), False)
     assert built["least_dead_time"] == -(-400 * int(chosen["CLOCK_HZ"]) // 10**9)  # 400 ns
     status = board.read("system.status")
-    assert [name for name, value in status.items() if value] == ["in_force"]
+    assert [name for name, value in status.items() if value] == ["in_force", "second_clock"]
     assert board.read("system.gates")["gates"] == 0
 
 

@@ -14,6 +14,7 @@ from cocotb.triggers import Timer
 
 from directmpc.api.drive_file import load_drive
 from directmpc.host import protocol as p
+from directmpc.host.gate_guard import FAULTS
 from directmpc.host.protocol import Flag, Type
 from directmpc.host.registers import registers_of, values
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
@@ -40,7 +41,8 @@ class Pins:
         self.dut, self.divide, self.clock = dut, divide, 0
         self.orders: list[Coroutine[Any, Any, bytes]] = []
         for name, level in (("clock", 0), ("uart_rx", 1), ("spi_sck", 0), ("spi_cs_n", 1),
-                            ("spi_mosi", 0), ("steps_over_spi", 0), ("permit", 1)):  # fmt: skip
+                            ("spi_mosi", 0), ("steps_over_spi", 0), ("permit", 1),
+                            ("driver_fault_n", 1), ("driver_ready", 1)):  # fmt: skip
             getattr(dut, name).value = level
 
     async def rise(self) -> None:
@@ -97,6 +99,10 @@ class Pins:
     def steps_over_spi(self, value: bool) -> None:
         """Order of the switch."""
         self.orders.append(self.level("steps_over_spi", value))
+
+    def driver(self, name: str, value: bool) -> None:
+        """Order of an output of the gate drivers."""
+        self.orders.append(self.level(name, value))
 
     async def carried_out(self) -> list[Seen]:
         """What came of each order."""
@@ -342,6 +348,29 @@ class Bench:
         board.check("faults", (stopped.faults, stopped.gates), (1, 0))
         board.check("tripped", stopped.has(Flag.TRIPPED), True)
         board.check("leds", resume(self.leds)(), 0b1110)
+        shown = registers_of(self.name)["system.status"][1]["second_clock"][0]
+        board.check("second clock", host.read("system.status") >> shown & 1, 1)
+        self.drivers(host)
+
+    def drivers(self, host: Host) -> None:
+        """Outputs of gate drivers: a fault, or not read at all."""
+        board, pins, wired = self.board, self.pins, self.given.get("DRIVERS", False)
+        for name in ("driver_fault_n", "driver_ready"):
+            host.write("system.control", 0)
+            decision = host.run_up()
+            for clocks in (0, 1, 1, 1):
+                pins.wait(clocks)
+                last = pins.run()[-1]
+                if not clocks:
+                    board.check("driver", last.gates != 0, True, name)
+                    pins.driver(name, False)
+                    pins.run()
+            # two clocks to cross, one to the guard's stop: a leg of two levels is off with it
+            board.check("driver", last.gates == 0, wired, name)
+            pins.driver(name, True)
+            pins.run()
+            found = host.step(decision.position & 7)
+            board.check("driver", found.faults >> FAULTS.index("driver") & 1, int(wired), name)
 
     async def stretched(self) -> int:
         """Clocks that the LED of a decision stays on."""
@@ -418,6 +447,13 @@ async def monitored(bench: Bench) -> None:
 
     usual = (shortest + longest) // 2
     await run(4 * 512, usual)
+    # the oscillator stands, as far as its own count goes all is well: the core's clock tells
+    board.check("second clock", number(dut.second_clock), 1)
+    await run(200, 0)
+    board.check("second clock", (number(dut.second_clock), number(dut.external_trip)), (0, 1))
+    board.check("its own count", number(dut.g_pll.alive), 1)
+    await run(512, usual)
+    board.check("second clock", number(dut.second_clock), 1)
     board.check("without a lock", number(dut.rst), 1)
     clock.lock_given.value = 1
     for each in (shortest - 1, shortest, longest, longest + 1, usual):

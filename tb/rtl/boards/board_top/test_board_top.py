@@ -42,8 +42,11 @@ def bench(
     )
 
 
-def test_the_two_level_drive_over_the_pins() -> None:
-    assert bench(MPTC, decisions=48).checks["decision"] == 48
+@pytest.mark.parametrize("drivers", [False, True], ids=["no drivers", "drivers"])
+def test_the_two_level_drive_over_the_pins(drivers: bool) -> None:
+    found = bench({**MPTC, "DRIVERS": drivers}, decisions=48)
+    assert found.checks["decision"] == 48
+    assert found.checks["driver"] == 6
 
 
 def test_the_five_level_drive_over_the_pins() -> None:
@@ -81,7 +84,7 @@ FAULTS = [
     Fault("board_top", "since_start /= 15", "since_start /= 14", "reset:"),
     Fault("board_top", SPEED, SPEED.replace("79 downto 64", "95 downto 80"), "decision:"),
     Fault("board_top", 'x"00" & gates_now', 'x"01" & gates_now', "gates:"),
-    Fault("board_top", "not permitted;", "'0';", "faults:"),
+    Fault("board_top", "not permitted or", "", "faults:"),
     Fault(
         "board_top",
         "held_high     <= (others => '1');",
@@ -101,6 +104,29 @@ def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
 def test_a_wrong_divider_is_seen(tmp_path: Path) -> None:
     fault = Fault("board_top", "half when DIVIDE = 2", "half when DIVIDE = 4", "divided:")
     assert_seen(fault, tmp_path, lambda rtl: bench({**MPTC, "DIVIDE": 4}, "divided", rtl=rtl))
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("not (said(0) and said(1))", "not said(0)"),
+        ("not (said(0) and said(1))", "not said(1)"),
+        ("STAGES => 2\n      )\n      port map (\n        clk             => core_clock,\n"
+         "        asynchronous(0) => driver",
+         "STAGES => 3\n      )\n      port map (\n        clk             => core_clock,\n"
+         "        asynchronous(0) => driver"),
+    ],
+    ids=["fault alone", "ready alone", "late"],
+)  # fmt: skip
+def test_a_driver_that_is_not_heard_is_seen(text: str, fault: str, tmp_path: Path) -> None:
+    seen = Fault("board_top", text, fault, "driver:")
+    chosen = {**MPTC, "DRIVERS": True}
+    assert_seen(seen, tmp_path, lambda rtl: bench(chosen, decisions=48, rtl=rtl))
+
+
+def test_an_oscillator_that_nobody_watches_is_seen(tmp_path: Path) -> None:
+    fault = Fault("board_top", "alive      => second_clock", "alive      => open", "second clock:")
+    assert_seen(fault, tmp_path, lambda rtl: monitored(tmp_path, rtl))
 
 
 def test_a_wrong_limit_of_the_clock_is_seen(tmp_path: Path) -> None:

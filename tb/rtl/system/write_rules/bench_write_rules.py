@@ -14,7 +14,8 @@ from tb.helpers.scoreboard import Clock, Scoreboard, arguments
 class Rules:
     """What is refused, by the names of the registers."""
 
-    def __init__(self, controller: str) -> None:
+    def __init__(self, controller: str, limit: int) -> None:
+        self.limit = limit
         self.names = {address: name for name, (address, _) in MAPS[controller].items()}
         self.uncommitted = False
         self.asked = 0
@@ -31,8 +32,9 @@ class Rules:
         if name.startswith(("guard.", "bands.")):
             return bool(given["enabled"] or given["pending"])
         if name.startswith("parameters."):
-            return bool(given["pending"])
-        enables = name == "system.control" and given["sets"]
+            beyond = name.startswith("parameters.bound_") and given["word"] > self.limit
+            return bool(given["pending"] or beyond)
+        enables = name == "system.control" and given["word"] & 1
         return bool(enables and (self.uncommitted or given["pending"]))
 
     def edge(self, given: Mapping[str, int]) -> None:
@@ -51,18 +53,23 @@ async def random_writes(dut) -> None:
     """Writes to every register in every state."""
     given = arguments()
     rng, board, clock = random.Random(8), Scoreboard(), Clock(dut)
-    rules = Rules(given["controller"])
+    limit = given["BOUND_LIMIT"]
+    rules = Rules(given["controller"], limit)
     known = sorted(rules.names)
     guard = [a for a in known if rules.names[a].startswith(("guard.", "bands."))]
+    bounds = [a for a in known if 0x180 <= a < 0x194] or known
     for k in range(given["clocks"]):
         kind = rng.random()
-        place = rng.choice(guard) if kind < 0.2 else 0x0C if kind < 0.6 else rng.choice(known)
+        place = rng.choice(guard) if kind < 0.2 else 0x0C if kind < 0.5 else rng.choice(known)
+        if kind > 0.8:  # MPDCC's bounds, and what is next to them
+            place = rng.choice(bounds)
         values = {
             "address": place + rng.choice([0, 0, rng.randrange(4)]),
             "rst": int(k < 2 or rng.random() < 0.005),
+            "word": rng.choice([limit, limit + 1 & 0xFFFF, rng.getrandbits(16)]),
         }
         for name, share in {
-            "whole": 0.8, "sets": 0.6, "passed": 0.3, "enabled": 0.3, "commit": 0.1,
+            "whole": 0.8, "passed": 0.3, "enabled": 0.3, "commit": 0.1,
             "pending": 0.3, "load": 0.1,
         }.items():  # fmt: skip
             values[name] = int(rng.random() < share)

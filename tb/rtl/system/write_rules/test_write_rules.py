@@ -2,7 +2,7 @@
 
 Sweep: the maps of both controllers.
 Stimulus: writes to every register, the guard's and control more often, while commits wait and take
-effect, enabled and not; resets.
+effect, enabled and not; MPDCC's bounds and their neighbours, at the limit and beyond; resets.
 Checks: refusal and hold in every clock, against the names of the register map.
 Faults: part of a word that is written, a setting that is not locked, one that is forgotten, a
 shadow that changes under a commit.
@@ -26,6 +26,7 @@ def bench(rtl: Path = RTL, controller: str = "mpdcc") -> Outcome:
         NAME,
         f"tb.rtl.system.{NAME}.bench_{NAME}",
         units=[NAME],
+        generics={"FIRST_BOUND": 33, "BOUND_LIMIT": 29_000 if controller == "mpdcc" else 65_535},
         arguments={"clocks": 3000, "controller": controller},
         rtl=rtl,
     )
@@ -43,8 +44,12 @@ FAULTS = [
     Fault(NAME, "(enables and (uncommitted or pending))", "enables", "refuse"),
     Fault(NAME, "(uncommitted or pending)", "uncommitted", "refuse"),
     Fault(NAME, "(uncommitted or pending)", "pending", "refuse"),
-    Fault(NAME, "enables    <= sets when", "enables    <= '1' when", "refuse"),
-    Fault(NAME, " or not whole;", ";", "refuse"),
+    Fault(NAME, "enables    <= word(0) when", "enables    <= '1' when", "refuse"),
+    Fault(NAME, "            or not whole;", ";", "refuse"),
+    Fault(NAME, " or too_wide\n", "\n", "refuse"),
+    Fault(NAME, "unsigned(word) > BOUND_LIMIT", "unsigned(word) >= BOUND_LIMIT", "refuse"),
+    Fault(NAME, ">= FIRST_BOUND", "> FIRST_BOUND", "refuse"),
+    Fault(NAME, "<= FIRST_BOUND + 2", "<= FIRST_BOUND + 3", "refuse"),
     Fault(NAME, "elsif (load = '1') then", "elsif (pending = '1') then", "refuse"),
     Fault(NAME, "passed = '1' and of_guard = '1'", "of_guard = '1'", "refuse"),
     Fault(NAME, "commit or asked(0) or asked(1);", "commit or asked(0);", "hold"),
