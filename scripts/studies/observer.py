@@ -5,7 +5,7 @@ The plant's parameters are changed, controller and observer keep those of the dr
 begins at the true flux and lasts two rotor time constants, of which the last eighth is looked at.
 
 ``python -m scripts observer`` writes reports/observer.csv, reports/observer.png and the
-table in docs/observer.md.
+table in reports/observer.md.
 """
 
 from __future__ import annotations
@@ -220,7 +220,7 @@ def study(drive_file: str | Path = ROOT / "drives" / "anpc5l_6kv.toml") -> None:
     write_page()
 
 
-def write_page(page: Path = ROOT / "docs" / "observer.md") -> None:
+def write_page(page: Path = ROOT / "reports" / "observer.md") -> None:
     """Bring the table of the page up to date with reports/observer.csv."""
     rows: list[dict[str, object]] = [
         {name: value if name == "mismatch" else float(value) for name, value in row.items()}

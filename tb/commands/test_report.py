@@ -84,7 +84,7 @@ def test_the_observers_page_shows_what_was_measured() -> None:
             {k: v if k == "mismatch" else float(v) for k, v in row.items()}
             for row in csv.DictReader(file)
         ]
-    page = (ROOT / "docs" / "observer.md").read_text(encoding="utf-8")
+    page = (ROOT / "reports" / "observer.md").read_text(encoding="utf-8")
     assert f"<!-- table: begin -->\n{observer_study._markdown(rows)}\n<!-- table: end -->" in page
     # one of its points anew; another libm turns roundings, and closed loops part after some steps
     drive = states.shipped(report.DRIVES[0])
