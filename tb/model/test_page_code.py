@@ -6,7 +6,7 @@ Stimulus: blocks of Python and TOML as the pages have them; a stand-in for a boa
 of README.
 Checks: every block runs as it stands, in the order of the page and in a folder of its own; settings
 are valid in a shipped drive; the trace is decided as the page says; C compiles and writes a word;
-the instantiation is elaborated; a block with a fault fails; every block says its language, and none
+a block with a fault fails; every block says its language, and none
 is left out but those that other tests run or that are no program.
 Does not prove: what a block computes.
 """
@@ -24,8 +24,6 @@ import pytest
 from directmpc import load_drive
 from directmpc.host.board import Board
 from scripts.commands import replay
-from scripts.hdl import sources
-from scripts.shared import tools
 from scripts.shared.tools import ROOT
 
 BLOCK = re.compile(r"^ *```([^\n]*)\n(.*?)^ *```$", re.M | re.S)
@@ -42,7 +40,6 @@ OTHER = {
     ("docs/processor.md", "c"): "below",
     ("docs/recorder.md", "python"): "tb/rtl/boards/test_recorder_board.py",
     ("docs/replay.md", "csv"): "below",
-    ("docs/using-the-core.md", "vhdl"): "below",
     ("docs/using-the-core.md", "yaml"): "tb/tools/test_fusesoc_cores.py",
 }  # fmt: skip
 
@@ -156,29 +153,6 @@ def test_the_c_of_a_page_writes_a_word(tmp_path: Path) -> None:
     subprocess.run(build, cwd=tmp_path, check=True)
     told = subprocess.run([program], capture_output=True, text=True, check=True).stdout
     assert told == "0 0 12345678\n"
-
-
-def test_the_vhdl_of_a_page_is_elaborated(tmp_path: Path) -> None:
-    (code,) = blocks("docs/using-the-core.md", "vhdl")
-    text = sources.entities()["mpdcc_core"].read_text(encoding="utf-8")
-    clause = text.partition("  port (")[2].partition("end entity")[0]
-    found = re.findall(r"^\s*(\w+)\s*:\s*(in|out)\s+([^;\n]*?);?\s*(?:--.*)?$", clause, re.M)
-    declared = "\n".join(
-        f"  signal {name} : {kind.partition(':=')[0].strip()};" for name, _, kind in found
-    )
-    (tmp_path / "page.vhd").write_text(
-        "library ieee;\n  use ieee.std_logic_1164.all;\n"
-        "library work;\n  use work.directmpc_constants.all;\n"
-        "entity page is\nend entity page;\narchitecture bench of page is\n"
-        f"{declared}\nbegin\n{code}\nend architecture bench;\n",
-        encoding="utf-8",
-    )
-    order = sources.compile_order("mpdcc_core", sources.rtl_files())
-    for given in (["-a", "--std=93", *map(str, order), "page.vhd"], ["-e", "--std=93", "page"]):
-        done = subprocess.run(
-            [*tools.tool("ghdl"), *given], cwd=tmp_path, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, done.stderr
 
 
 def test_a_block_with_a_fault_fails() -> None:

@@ -238,7 +238,9 @@ def test_the_instantiation_has_every_port() -> None:
     text = units()[0]["mpdcc_core"].read_text(encoding="utf-8")
     head = text.partition("  port (")[2].partition("end entity")[0]
     ports = re.findall(r"^\s*(\w+)\s*:\s*(?:in|out)\s", head, re.M)
-    shown = re.findall(r"(\w+) => ", between(DOCS / "using-the-core.md", "instantiation"))
+    bench = (ROOT / "examples" / "own_bench.vhd").read_text(encoding="utf-8")
+    instance = bench.partition("entity work.mpdcc_core")[2].partition("p_test")[0]
+    shown = re.findall(r"(\w+) => ", instance)
     assert [name for name in shown if name.islower()] == ports
     assert [name for name in shown if name.isupper()] == list(generics("mpdcc_core"))
 

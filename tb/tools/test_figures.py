@@ -203,9 +203,6 @@ ELSEWHERE = {
         "tb/tools/test_documents.py::test_every_generic_is_specified",
         "tb/tools/test_documents.py::test_the_paths_of_the_metrics_exist",
     ),
-    "docs/using-the-core.md": (
-        "tb/tools/test_documents.py::test_the_instantiation_has_every_port",
-    ),
 }
 
 #: Single tables in pages of `WRITERS` that are of other origin: first mark, the test that compares.
