@@ -11,7 +11,7 @@ from rich.console import Console
 from scripts.hdl.boards import BOARDS, BUILDS
 from scripts.measure import bitstream
 from scripts.publish import kept
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import Command, UsageError, count
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,16 +19,14 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--controller", choices=tuple(BUILDS), default="mpdcc")
     parser.add_argument("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
     parser.add_argument(
-        "--seeds", type=int, default=bitstream.SEEDS, help="placements that have to meet timing"
+        "--seeds", type=count, default=bitstream.SEEDS, help="placements that have to meet timing"
     )
-    parser.add_argument("--jobs", type=int, default=1, help="placements at a time")
+    parser.add_argument("--jobs", type=count, default=1, help="placements at a time")
     parser.add_argument("--twice", action="store_true", help="build again from nothing and compare")
     parser.add_argument("--page", action="store_true", help="write reports/bitstreams.md's table")
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    if given.seeds < 1:
-        raise UsageError(f"argument --seeds: got {given.seeds}; at least 1 is needed")
     if given.page:
         # the board of the last name first, as on the page
         files = sorted(bitstream.FOLDER.glob("*.result.json"), reverse=True)

@@ -6,12 +6,12 @@ import argparse
 import os
 
 from scripts.shared import workers
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import Command, count
 from scripts.studies import bounds
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    parser.add_argument("--jobs", type=count, default=os.cpu_count() or 1, help="processes")
     parser.add_argument(
         "--tables", action="store_true", help="rewrite tables and picture from the stored file only"
     )
@@ -19,8 +19,6 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    if given.jobs < 1:
-        raise UsageError(f"argument --jobs: got {given.jobs}; at least 1 is needed")
     bounds.regenerate(given.jobs, given.tables, given.scheduler)
     return 0
 

@@ -7,12 +7,12 @@ import sys
 
 from scripts.measure import budgets, check
 from scripts.publish import report
-from scripts.shared.command import Command
+from scripts.shared.command import Command, count
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("only", nargs="*", help="words; only configurations with one in their name")
-    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--jobs", type=count, default=2)
     parser.add_argument("--no-cycles", action="store_true", help="do not simulate the cores")
     parser.add_argument("--page", action="store_true", help="only the table of docs/figures.md")
 

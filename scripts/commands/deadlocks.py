@@ -7,13 +7,13 @@ import os
 from pathlib import Path
 
 from scripts.shared import workers
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import Command, count
 from scripts.shared.tools import ROOT
 from scripts.studies import deadlocks
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    parser.add_argument("--jobs", type=count, default=os.cpu_count() or 1, help="processes")
     workers.add_arguments(parser)
     parser.add_argument("--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml")
     parser.add_argument("--steps", type=int, default=deadlocks.STEPS)
@@ -38,8 +38,6 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    if given.jobs < 1:
-        raise UsageError(f"argument --jobs: got {given.jobs}; at least 1 is needed")
     if given.page:
         deadlocks.draw_stored(given.drive, given.out)
         deadlocks.write_page((given.out / "deadlocks.md").read_text(encoding="utf-8"))

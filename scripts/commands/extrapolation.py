@@ -7,7 +7,7 @@ import os
 
 from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.mpdcc.extrapolation import format_table
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import Command, UsageError, count
 from scripts.studies import straight_lines
 
 
@@ -21,7 +21,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tables", action="store_true", help="with --loops: write the tables from the stored file"
     )
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    parser.add_argument("--jobs", type=count, default=os.cpu_count() or 1, help="processes")
 
 
 def _run(given: argparse.Namespace) -> None:
@@ -29,8 +29,6 @@ def _run(given: argparse.Namespace) -> None:
         raise UsageError("one of a drive file and --loops is needed")
     if given.tables and not given.loops:
         raise UsageError("argument --tables: only with --loops")
-    if given.jobs < 1:
-        raise UsageError(f"argument --jobs: got {given.jobs}; at least 1 is needed")
     if given.loops:
         straight_lines.regenerate(given.jobs, given.tables)
     else:

@@ -6,12 +6,12 @@ import argparse
 
 from scripts.publish import report
 from scripts.shared import workers
-from scripts.shared.command import Command
+from scripts.shared.command import Command, count
 from scripts.studies.fidelity import study
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--jobs", type=int, default=2, help="processes at a time")
+    parser.add_argument("--jobs", type=count, default=2, help="processes at a time")
     parser.add_argument(
         "--pictures", action="store_true", help="only draw the pictures, from the stored tables"
     )

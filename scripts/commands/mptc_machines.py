@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 
 from scripts.shared import progress, tables
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import Command, count
 from scripts.studies import mptc_machines
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--periods",
-        type=int,
+        type=count,
         default=mptc_machines.PERIOD_COUNT,
         help="of each machine and method (default: %(default)s)",
     )
@@ -20,8 +20,6 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    if given.periods < 1:
-        raise UsageError(f"argument --periods: got {given.periods}; at least 1 is needed")
     with progress.busy("decisions of every method on four machines"):
         found = mptc_machines.sweep(given.periods)
     if given.page:

@@ -10,13 +10,13 @@ from directmpc.host.console import terminable
 from scripts.measure import mutation
 from scripts.publish import evidence
 from scripts.shared import workers
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import Command, count
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("only", nargs="*", metavar="ENTITY", help="entities; all without")
-    parser.add_argument("--sample", type=int, default=mutation.SAMPLE, help="mutants of each")
-    parser.add_argument("--jobs", type=int, default=2, help="entities at a time")
+    parser.add_argument("--sample", type=count, default=mutation.SAMPLE, help="mutants of each")
+    parser.add_argument("--jobs", type=count, default=2, help="entities at a time")
     parser.add_argument("--anew", action="store_true", help="run what has results already, too")
     parser.add_argument("--publish", action="store_true", help="only publish, run nothing")
     parser.add_argument(
@@ -33,9 +33,6 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    for name in ("sample", "jobs"):
-        if getattr(given, name) < 1:
-            raise UsageError(f"argument --{name}: got {getattr(given, name)}; at least 1 is needed")
     units = mutation.listed()
     chosen = mutation.named(given.only, units)
     if not given.publish:

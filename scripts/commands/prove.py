@@ -12,18 +12,16 @@ from rich.table import Table
 from scripts.measure import proofs
 from scripts.measure.ranges import table as ranges
 from scripts.shared import tools
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import Command, count
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("only", nargs="*", help="entities; all without")
-    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--jobs", type=count, default=2)
     parser.add_argument("--out", type=Path, default=proofs.RESULTS)
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    if given.jobs < 1:
-        raise UsageError(f"argument --jobs: got {given.jobs}; at least 1 is needed")
     everything = proofs.listed()
     known = {check.entity for check in ranges.CHECKS}
     of_ranges = [check for check in ranges.CHECKS if not given.only or check.entity in given.only]

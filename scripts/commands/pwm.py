@@ -6,7 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import Command, UsageError, count
 from scripts.studies import capacitor_bounds, pwm
 
 
@@ -18,7 +18,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--starts", type=int, default=pwm.STARTS)
     parser.add_argument("--anew", action="store_true", help="run what the file has already, too")
     parser.add_argument("--out", type=Path, default=pwm.REPORT, help="file of the runs")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    parser.add_argument("--jobs", type=count, default=os.cpu_count() or 1, help="processes")
     parser.add_argument(
         "--bounds-out", type=Path, default=capacitor_bounds.REPORT,
         help="file of the runs with other bounds of the capacitors",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from directmpc.host.console import terminable
 from scripts.publish import release
-from scripts.shared.command import Command
+from scripts.shared.command import Command, count
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,7 +15,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--key", type=Path, help="private key of OpenSSH that signs SHA256SUMS; not signed without"
     )
-    parser.add_argument("--jobs", type=int, default=2, help="processes of the tests")
+    parser.add_argument("--jobs", type=count, default=2, help="processes of the tests")
     parser.add_argument(
         "--only", nargs="+", choices=release.PARTS, default=tuple(release.PARTS), metavar="PART",
         help=f"of {', '.join(release.PARTS)}; the tests run in any case",

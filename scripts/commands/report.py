@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 
 from scripts.publish import report
-from scripts.shared.command import Command
+from scripts.shared.command import Command, count
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--jobs", type=count, default=2)
     parser.add_argument("--seeds", type=int, default=report.SEEDS, help="of placement")
     parser.add_argument(
         "--one-commit", action="store_true",

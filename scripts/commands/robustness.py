@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scripts.publish import noise
 from scripts.shared import workers
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import Command, count
 from scripts.studies import (
     mptc_robustness,
     noise_decisions,
@@ -19,10 +19,10 @@ from scripts.studies import (
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
-    parser.add_argument("--steps", type=int, default=robustness.STEPS)
-    parser.add_argument("--starts", type=int, default=robustness.STARTS)
-    parser.add_argument("--random", type=int, default=robustness.RANDOM, help="random drives")
+    parser.add_argument("--jobs", type=count, default=os.cpu_count() or 1, help="processes")
+    parser.add_argument("--steps", type=count, default=robustness.STEPS)
+    parser.add_argument("--starts", type=count, default=robustness.STARTS)
+    parser.add_argument("--random", type=count, default=robustness.RANDOM, help="random drives")
     parser.add_argument("--anew", action="store_true", help="run what the file has already, too")
     parser.add_argument("--out", type=Path, default=robustness.REPORT, help="file of the loops")
     parser.add_argument(
@@ -50,9 +50,6 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    for name in ("jobs", "steps", "starts", "random"):
-        if getattr(given, name) < 1:
-            raise UsageError(f"argument --{name}: got {getattr(given, name)}; at least 1 is needed")
     if given.tables:
         _publish(robustness.read(given.out), given)
         mptc_robustness.publish(mptc_robustness.read(given.two_level_out), given.page)

@@ -7,20 +7,21 @@ import os
 from pathlib import Path
 
 from scripts.publish import kept
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import Command, count
 from scripts.studies import scaling
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--loops", type=int, default=scaling.LOOPS, help="closed loops of each run")
-    parser.add_argument("--steps", type=int, default=scaling.STEPS, help="control steps of a loop")
+    parser.add_argument(
+        "--loops", type=count, default=scaling.LOOPS, help="closed loops of each run"
+    )
+    parser.add_argument(
+        "--steps", type=count, default=scaling.STEPS, help="control steps of a loop"
+    )
     parser.add_argument("--page", type=Path, default=scaling.PAGE, help="page of the table")
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    for name in ("loops", "steps"):
-        if getattr(given, name) < 1:
-            raise UsageError(f"argument --{name}: got {getattr(given, name)}; at least 1 is needed")
     load = os.getloadavg()[0]
     kept.keep_scaling(scaling.measure(given.loops, given.steps), given.loops, given.steps, load)
     kept.scaling_page(given.page)

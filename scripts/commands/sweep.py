@@ -7,12 +7,12 @@ import json
 
 from scripts.measure import sweep, sweep_points
 from scripts.shared import workers
-from scripts.shared.command import Command
+from scripts.shared.command import Command, count
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("only", nargs="*", help="words; only show points with one in their name")
-    parser.add_argument("--jobs", type=int, default=2, help="points at a time")
+    parser.add_argument("--jobs", type=count, default=2, help="points at a time")
     parser.add_argument("--plot", action="store_true", help="only plot and table, from the CSV")
     parser.add_argument("--point", help=argparse.SUPPRESS)
     workers.add_arguments(parser)

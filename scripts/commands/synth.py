@@ -12,7 +12,7 @@ from directmpc.mpdcc import tables
 from scripts.hdl import converter_package
 from scripts.measure import budgets, synth
 from scripts.shared import tools
-from scripts.shared.command import Command
+from scripts.shared.command import Command, count
 from scripts.shared.tools import BUILD
 
 
@@ -23,7 +23,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--converter", choices=tables.NAMES, default=tables.DEFAULT,
         help="whose packages the design has; budgets are those of the default",
     )  # fmt: skip
-    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--jobs", type=count, default=2)
     parser.add_argument("--force", action="store_true", help="measure again what is in the cache")
     parser.add_argument("--out", type=Path, default=BUILD / "synth.json")
 

@@ -7,14 +7,16 @@ import sys
 from pathlib import Path
 
 from scripts.shared import workers
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import Command, count
 from scripts.studies.torture import run
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--decisions", type=int, default=run.DECISIONS, help="of both controllers")
+    parser.add_argument(
+        "--decisions", type=count, default=run.DECISIONS, help="of both controllers"
+    )
     parser.add_argument("--seed", type=int, default=1, help="of the states")
-    parser.add_argument("--jobs", type=int, default=2, help="processes")
+    parser.add_argument("--jobs", type=count, default=2, help="processes")
     parser.add_argument("--anew", action="store_true", help="begin again, whatever there is")
     parser.add_argument("--out", type=Path, default=run.RESULTS, help="file of the results")
     parser.add_argument("--page", action="store_true", help="write reports/torture.md")
@@ -22,9 +24,6 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    for name in ("decisions", "jobs"):
-        if getattr(given, name) < 1:
-            raise UsageError(f"argument --{name}: got {getattr(given, name)}; at least 1 is needed")
     sums = run.run(
         given.decisions,
         given.seed,

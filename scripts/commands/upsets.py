@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import Command, UsageError, count
 from scripts.studies import upsets
 
 
@@ -15,18 +15,15 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "cases", nargs="*", metavar="NETLIST",
         help=f"all if none is given: {', '.join(map(repr, upsets.CASES))}",
     )  # fmt: skip
-    parser.add_argument("--times", type=int, default=upsets.TIMES, help="flips of each flip-flop")
+    parser.add_argument("--times", type=count, default=upsets.TIMES, help="flips of each flip-flop")
     parser.add_argument("--seed", type=int, default=1, help="of their clocks")
-    parser.add_argument("--jobs", type=int, default=2, help="processes")
+    parser.add_argument("--jobs", type=count, default=2, help="processes")
     parser.add_argument("--anew", action="store_true", help="begin again, whatever there is")
     parser.add_argument("--out", type=Path, default=upsets.RESULTS, help="file of the results")
     parser.add_argument("--page", action="store_true", help="write the table of docs/safety.md")
 
 
 def _run(given: argparse.Namespace) -> int | None:
-    for name in ("times", "jobs"):
-        if getattr(given, name) < 1:
-            raise UsageError(f"argument --{name}: got {getattr(given, name)}; at least 1 is needed")
     for name in given.cases:
         if name not in upsets.CASES:
             known = ", ".join(map(repr, upsets.CASES))

@@ -31,6 +31,17 @@ class UsageError(ValueError):
     """An argument cannot be meant; reported as wrong arguments are."""
 
 
+def count(text: str) -> int:
+    """A number of things in an argument: at least one."""
+    try:
+        value = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"invalid int value: {text!r}") from None
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"got {value}; at least 1 is needed")
+    return value
+
+
 @dataclass(frozen=True)
 class Command:
     """One command."""

@@ -28,7 +28,7 @@ from directmpc.csv_table import TraceError, write_table
 from directmpc.output_files import OutputError
 from scripts import __main__ as program
 from scripts.shared import tools
-from scripts.shared.command import Command
+from scripts.shared.command import Command, count
 from scripts.shared.tools import ROOT
 from tb.helpers.commands import told
 
@@ -99,6 +99,17 @@ def _outputs(*kinds: str) -> list[tuple[str, str]]:
     ]
 
 
+def _counts() -> list[tuple[str, str]]:
+    """Commands and their options that are a number of things."""
+    found = []
+    for name, command in COMMANDS.items():
+        parser = argparse.ArgumentParser()
+        command.arguments(parser)
+        options = [action.option_strings[0] for action in parser._actions if action.type is count]
+        found += [(name, option) for option in options]
+    return found
+
+
 def refused(name: str, given: list[object], capsys: pytest.CaptureFixture[str]) -> str:
     with contextlib.suppress(SystemExit):
         assert program.main([name, *NEEDED.get(name, []), *map(str, given)]) == 2
@@ -107,6 +118,13 @@ def refused(name: str, given: list[object], capsys: pytest.CaptureFixture[str]) 
     assert said.err.startswith(f"{name}: ")
     assert said.err.count("\n") == 1, said.err
     return said.err
+
+
+@pytest.mark.parametrize(("name", "option"), _counts())
+def test_fewer_than_one_is_refused(
+    name: str, option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert f"argument {option}: got 0; at least 1 is needed" in refused(name, [option, 0], capsys)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
