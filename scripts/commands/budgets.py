@@ -14,7 +14,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("only", nargs="*", help="words; only configurations with one in their name")
     parser.add_argument("--jobs", type=count, default=2)
     parser.add_argument("--no-cycles", action="store_true", help="do not simulate the cores")
-    parser.add_argument("--page", action="store_true", help="only the table of docs/figures.md")
+    parser.add_argument("--page", action="store_true", help="only reports/resources.md")
 
 
 def _run(given: argparse.Namespace) -> int | None:

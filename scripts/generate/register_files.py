@@ -702,7 +702,7 @@ def _regions(tops: dict[str, AddrmapNode]) -> tuple[str, dict[str, str]]:
 
 @dataclass(frozen=True)
 class _Entry:
-    """A register of the page: cells of its row, and the table of its fields if it has several."""
+    """A register of the page: cells of its row, and the list of its fields if it has several."""
 
     address: int
     name: str
@@ -724,13 +724,13 @@ def _entry(node: RegNode, most: dict[str, str]) -> _Entry:
         said = (_SAID_ONCE.sub("", one) for one in (_meaning(node), words))
         text = " ".join(dict.fromkeys(one for one in said if one))
         return _Entry(node.absolute_address, name, form, f"{text}{other}{_reset(only)}")
-    rows = []
+    lines = []
     for field in fields:
         bits = f"{field.high}:{field.low}" if field.width > 1 else f"{field.low}"
-        rows.append((bits, f"`{field.inst_name}`", f"{_meaning(field)}{_reset(field)}"))
-    table = tables.markdown(("bits", "field", "meaning"), rows, "l")
+        lines.append(f"- {bits} `{field.inst_name}`: {_meaning(field)}{_reset(field)}")
+    listed = "\n".join(lines)
     text = _meaning(node).replace("; write 1 to clear", "")
-    return _Entry(node.absolute_address, name, "", f"{text}{other}", table)
+    return _Entry(node.absolute_address, name, "", f"{text}{other}", listed)
 
 
 def _markdown(tops: dict[str, AddrmapNode]) -> str:

@@ -10,9 +10,10 @@ count the same, and the tests do without it. ``cycles`` are clocks that the test
 the simulated RTL; they read them with `hdl.clocks` and have no numbers of their own.
 
 Tests fail when a figure changes, when an entity or configuration has no entry, and when the table
-of docs/figures.md is not the file's. This command stores new figures: it measures, writes the file
-and the page, and git shows what changed. Clocks inside the cores, which only a bench knows how
-to see, are edited by hand together with the entity's header; the bench holds them to the RTL.
+of reports/resources.md is not the file's. This command stores new figures: it measures, writes the
+file and the page, and git shows what changed. Clocks inside the cores, which only a
+bench knows how to see, are edited by hand together with the entity's header; the bench holds them
+to the RTL.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from scripts.shared import progress, tables, tools
 from scripts.shared.command import UsageError
 from scripts.shared.tools import ROOT
 
-PAGE = ROOT / "docs" / "figures.md"
+PAGE = ROOT / "reports" / "resources.md"
 BEGIN = "<!-- budgets: begin (written by make budgets) -->"
 END = "<!-- budgets: end -->"
 COMMAND = "make budgets"
@@ -62,7 +63,7 @@ _HEAD = """\
 #               hold      the same when the position is held, always
 #               asserted_within   the entity whose bench observes this one
 #
-# `make budgets` measures anew and rewrites this file and docs/figures.md; latencies of inner
+# `make budgets` measures anew and rewrites this file and reports/resources.md; latencies of inner
 # blocks are edited here by hand, together with the header that states them.
 """
 
@@ -449,7 +450,7 @@ class Stored:
 
 
 def measure_anew(words: Sequence[str], jobs: int, with_cycles: bool = True) -> Stored:
-    """Measure resources and cycles, store them, and write the table of docs/figures.md."""
+    """Measure resources and cycles, store them, and write the table of reports/resources.md."""
     listed = configurations()
     before = load() if BUDGETS.exists() else Budgets()
     held = copy.deepcopy(before)
@@ -478,7 +479,7 @@ def measure_anew(words: Sequence[str], jobs: int, with_cycles: bool = True) -> S
 
 
 def write_page() -> list[str]:
-    """Write the table of docs/figures.md from the file as it is; what `coverage` finds."""
+    """Write the table of reports/resources.md from the file as it is; what `coverage` finds."""
     listed, held = configurations(), load()
     _write(held, listed)
     return coverage(listed, held)

@@ -1,4 +1,4 @@
-"""Every figure of budgets.toml holds, nothing lacks one, and docs/figures.md shows them.
+"""Every figure of budgets.toml holds, nothing lacks one, and reports/resources.md shows them.
 
 Sweep: every configuration of configurations.toml in every family it names.
 Stimulus: the RTL as it is, through GHDL, and through Yosys where the netlist is another than the

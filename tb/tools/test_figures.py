@@ -144,6 +144,9 @@ def figures(page: Path) -> None:
     shutil.copyfile(ROOT / "README.md", readme)
     report.write_tables(metrics(), page, readme)
     of_mptc(page.parent, page=page)
+
+
+def resources(page: Path) -> None:
     text = budgets.page_table(budgets.load(), configurations())
     tables.rewrite(page, {(budgets.BEGIN, budgets.END): text})
 
@@ -163,6 +166,7 @@ WRITERS: dict[str, Callable[[Path], None]] = {
     "README.md": readme,
     "reports/accuracy.md": accuracy,
     "docs/figures.md": figures,
+    "reports/resources.md": resources,
     "docs/mptc.md": lambda page: of_mptc(page.parent, manual=page),
     "docs/paper-b.md": lambda page: paper_b.write_texts(paper_b.stored(), page),
     "reports/mptc.md": lambda page: of_mptc(page.parent, further=page),
