@@ -18,7 +18,7 @@ from directmpc.states import Decision, State
 from scripts.hdl import native
 from scripts.shared import progress
 from scripts.shared.command import Command
-from scripts.shared.tools import ToolError
+from scripts.shared.tools import ToolError, version
 
 #: Decisions that a rate is taken over, and the drives.
 COUNT = 2000
@@ -102,6 +102,8 @@ def _rates(drive: Drive | MptcDrive) -> list[float]:
 def _run(given: argparse.Namespace) -> int | None:
     try:
         if given.rates:
+            tools_ = library.verilator().version, version(library.compiler()[0])
+            print(f"Decisions a second of processor time of one core; {', '.join(tools_)}.\n")
             print('| drive | `simulate(drive, "rtl")` | `RtlController.decide` | FMPy, `doStep` |')
             print("| --- | --- | --- | --- |")
             for name in DRIVES:

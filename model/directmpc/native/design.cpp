@@ -5,7 +5,7 @@
 // but for the clock, CLOCK, which is its name, and AXI, DECIDES, SPI where there is a register bus, a start of
 // decisions, the pins of a board. resting.h lists members of the class
 // that change while the design rests: COUNTERS(X) of X(member, width, way), COUNTED(X) of X(member) for what
-// follows from counters alone, ROTATING(X) of X(part, member).
+// follows from counters alone, ROTATING(X) of X(part, member); and BEFORE, where Verilator keeps the clock as it was.
 // Licence: Apache-2.0
 
 #include "design.h"
@@ -154,8 +154,13 @@ struct directmpc_design {
         model->eval();
         edges++;
     }
-    void clock() {
+    // One more, with inputs that have settled: outputs are right behind it, and the low clock needs no look.
+    void again() {
+#ifdef BEFORE
+        model->rootp->BEFORE = 0;
+#else
         settle();
+#endif
         edge();
     }
 #ifdef SPI
@@ -168,7 +173,7 @@ struct directmpc_design {
             settle();
         }
         model->permit = 1;
-        for (unsigned k = 0; k < POWER_ON_CLOCKS; k++) clock();
+        for (unsigned k = 0; k < POWER_ON_CLOCKS; k++) again();
         settle();
     }
 #endif
@@ -181,8 +186,8 @@ struct directmpc_design {
     struct Range {
         size_t at, size, part;
     };
-    std::vector<Range> loose_;     // bytes of the model that may change while it rests
-    std::vector<Range> rotating_;  // of them those of parts that run in a circle
+    std::vector<Range> fixed_;     // bytes of the model that stand while it rests
+    std::vector<Range> rotating_;  // those of parts that run in a circle
     size_t parts_ = 0;
     std::vector<uint8_t> before_;  // all of the model, a clock ago
     std::vector<uint8_t> turns_;   // rotating_, clock by clock
@@ -206,8 +211,9 @@ directmpc_design::directmpc_design()
     model.reset(new Vdesign{&context});
     const Vdesign___024root *const root = model->rootp;
     (void)root;
+    std::vector<Range> loose;
 #define AT(member) static_cast<size_t>(reinterpret_cast<const uint8_t *>(&root->member) - bytes())
-#define LOOSE(member) loose_.push_back({AT(member), sizeof root->member, 0});
+#define LOOSE(member) loose.push_back({AT(member), sizeof root->member, 0});
 #define LOOSE_COUNTER(member, width, way) LOOSE(member)
 #define LOOSE_PART(part, member) rotating_.push_back({AT(member), sizeof root->member, part});
     COUNTERS(LOOSE_COUNTER)
@@ -217,29 +223,53 @@ directmpc_design::directmpc_design()
 #undef LOOSE_COUNTER
 #undef LOOSE
 #undef AT
-    loose_.insert(loose_.end(), rotating_.begin(), rotating_.end());
+    const auto in_memory = [](const Range &a, const Range &b) {
+        return a.part != b.part ? a.part < b.part : a.at < b.at;
+    };
+    std::vector<Range> joined;  // neighbours are one range
+    std::sort(rotating_.begin(), rotating_.end(), in_memory);
     for (const Range &range : rotating_) {
-        parts_ = std::max(parts_, range.part + 1);
+        loose.push_back({range.at, range.size, 0});
         turn_ += range.size;
+        parts_ = range.part + 1;
+        if (!joined.empty() && joined.back().part == range.part &&
+            joined.back().at + joined.back().size == range.at)
+            joined.back().size += range.size;
+        else
+            joined.push_back(range);
+    }
+    rotating_ = joined;
+    std::sort(loose.begin(), loose.end(), in_memory);
+    loose.push_back({before_.size(), 0, 0});
+    size_t end = 0;
+    for (const Range &range : loose) {
+        if (range.at > end) fixed_.push_back({end, range.at - end, 0});
+        end = range.at + range.size;
     }
     turns_.resize(turn_ * (WINDOW + 1));
 }
 
-// Whether the byte that gave motion away the last time stands still: a guess that costs nothing.
+// Whether no decision is under way and the byte that gave motion away the last time stands still: a guess that costs
+// nothing.
 bool directmpc_design::calm() {
+#ifdef DECIDES
+    if (model->busy) return false;
+#endif
     const uint8_t now = bytes()[suspect_];
     const bool still = now == seen_;
     seen_ = now;
     return still;
 }
 
-// Whether the model is what it was but for what is loose; afterwards before_ is the model.
+// Whether the model is before_ but for what is loose.
 bool directmpc_design::same() {
-    for (const Range &range : loose_)
-        std::memcpy(&before_[range.at], bytes() + range.at, range.size);
-    if (!std::memcmp(before_.data(), bytes(), before_.size())) return true;
-    suspect_ = std::mismatch(before_.begin(), before_.end(), bytes()).first - before_.begin();
-    return false;
+    for (const Range &range : fixed_) {
+        const uint8_t *const was = &before_[range.at], *const is = bytes() + range.at;
+        if (!std::memcmp(was, is, range.size)) continue;
+        suspect_ = range.at + (std::mismatch(was, was + range.size, is).first - was);
+        return false;
+    }
+    return true;
 }
 
 void directmpc_design::counts(uint32_t *values) const {
@@ -306,9 +336,10 @@ uint64_t directmpc_design::run(uint64_t clocks, Changed changed) {
     uint64_t passed = 0;
     size_t periods[PARTS + 1];
     uint32_t value[3][COUNTER_COUNT + 1];
+    if (clocks) settle();
     while (passed < clocks) {
         if (!calm() || clocks - passed <= 2 * WORTH) {
-            clock();
+            again();
             passed++;
             if (changed()) break;
             continue;
@@ -319,7 +350,7 @@ uint64_t directmpc_design::run(uint64_t clocks, Changed changed) {
         bool rests = false, stops = false;
         size_t looked = 0;
         while (looked < WINDOW && passed < clocks && !rests) {
-            clock();
+            again();
             passed++;
             looked++;
             if ((stops = changed()) || !same()) break;
@@ -425,10 +456,8 @@ void directmpc_clocks(directmpc_design *design, uint32_t clocks) {
 uint32_t directmpc_until(directmpc_design *design, uint32_t port, uint32_t clocks) {
     design->settle();
     const uint32_t before = design->get(port);
-    const uint32_t passed = design->run(clocks, [&] {
-        design->settle();
-        return design->get(port) != before;
-    });
+    const uint32_t passed =
+        design->run(clocks, [&] { return design->get(port) != before; });
     design->settle();
     return passed;
 }
@@ -440,7 +469,7 @@ uint32_t directmpc_decide(directmpc_design *design, const uint32_t *inputs, uint
 #ifdef DECIDES
     Vdesign *const model = design->model.get();
     uint32_t waited = 0;
-    for (design->settle(); model->busy; design->clock(), design->settle())
+    for (design->settle(); model->busy; design->again())
         if (waited++ >= limit) return 0;
     unsigned at = 0;
 #define TAKE_in(name, width)                                                              \
@@ -452,10 +481,11 @@ uint32_t directmpc_decide(directmpc_design *design, const uint32_t *inputs, uint
     PORTS(TAKE)
 #undef TAKE
     model->start = 1;
-    design->clock();
+    design->settle();
+    design->edge();
     model->start = 0;
+    design->settle();
     for (uint32_t cycles = 1; cycles <= limit; cycles++) {
-        design->settle();
         if (model->valid) {
             at = 0;
 #define SHOW_in(name, width)
@@ -463,10 +493,10 @@ uint32_t directmpc_decide(directmpc_design *design, const uint32_t *inputs, uint
 #define SHOW(direction, name, width) SHOW_##direction(name, width)
             PORTS(SHOW)
 #undef SHOW
-            design->edge();
+            design->again();
             return cycles;
         }
-        design->edge();
+        design->again();
     }
 #else
     (void)design, (void)inputs, (void)outputs, (void)limit;

@@ -199,6 +199,8 @@ def _resting(verilog: str, top: str, root: str) -> str:
                 group += 1
     rows = {"COUNTERS": counters, "COUNTED": counted, "ROTATING": rotating}
     lines = [f"#define {name}(X) {' '.join(found)}" for name, found in rows.items()]
+    if before := re.search(r"\b__Vtrig(?:rprev_|prevexpr__)_TOP__(?:clk|clock)(?:__0)?;", root):
+        lines.append(f"#define BEFORE {before.group()[:-1]}")
     return "\n".join(["// Written from the Verilog and what Verilator made of it.", *lines, ""])
 
 
