@@ -3,6 +3,7 @@
 -- The memory is inferred; the attributes say what it is to be made of. STYLE is one of
 --   "auto"         the tool chooses
 --   "block"        block RAM
+--   "apart"        block RAM of which no word is read in the clock in which it is written
 --   "distributed"  RAM in LUTs
 -- and reaches Vivado and XST as ram_style, Quartus as ramstyle, and Diamond (Synplify, LSE) as
 -- syn_ramstyle. Quartus has no word for a block RAM of any family: "block" leaves it the choice.
@@ -16,7 +17,8 @@
 --   2  a second register behind it, which a block RAM may take in
 -- Initiation interval: one clock for each port.
 -- Without read the first register keeps its word, whatever is written in the meantime.
--- A word that is read in the clock in which it is written is the old one.
+-- A word that is read in the clock in which it is written is the old one, and unknown with STYLE "apart", which saves
+-- some families a comparison.
 -- Overflow: none; every address has a word.
 -- Power-up: CONTENTS, where given; else the words are unknown until they are written. There is no
 -- reset.
@@ -31,7 +33,7 @@ entity ram is
     ADDRESS_WIDTH : positive             := 6;      -- bits of an address: 2 ** ADDRESS_WIDTH words
     WIDTH         : positive             := 16;     -- bits of a word
     LATENCY       : natural range 0 to 2 := 1;      -- clocks from address to word
-    STYLE         : string               := "auto"; -- "auto", "block" or "distributed"
+    STYLE         : string               := "auto"; -- "auto", "block", "apart" or "distributed"
     CONTENTS      : std_logic_vector     := ""      -- all words, word 0 rightmost; "" for none
   );
   port (
@@ -54,7 +56,7 @@ architecture rtl of ram is
   function places return positive is
   begin
 
-    if (STYLE = "block" and WORDS < LEAST) then
+    if ((STYLE = "block" or STYLE = "apart") and WORDS < LEAST) then
       return LEAST;
     else
       return WORDS;
@@ -101,7 +103,7 @@ architecture rtl of ram is
   function lattice_style return string is
   begin
 
-    if (STYLE = "block") then
+    if (STYLE = "block" or STYLE = "apart") then
       return "block_ram";
     else
       return STYLE;
@@ -109,6 +111,19 @@ architecture rtl of ram is
 
   end function lattice_style;
 
+  -- the word of Vivado and XST for a style
+  function xilinx_style return string is
+  begin
+
+    if (STYLE = "apart") then
+      return "block";
+    else
+      return STYLE;
+    end if;
+
+  end function xilinx_style;
+
+  constant XILINX  : string := xilinx_style;
   constant QUARTUS : string := quartus_style;
   constant LATTICE : string := lattice_style;
 
@@ -118,7 +133,7 @@ architecture rtl of ram is
   signal word   : std_logic_vector(WIDTH - 1 downto 0);
 
   attribute ram_style : string;
-  attribute ram_style of memory    : signal is STYLE;
+  attribute ram_style of memory    : signal is XILINX;
   attribute ramstyle : string;
   attribute ramstyle of memory     : signal is QUARTUS;
   attribute syn_ramstyle : string;
@@ -126,11 +141,11 @@ architecture rtl of ram is
 
 begin
 
-  assert STYLE = "auto" or STYLE = "block" or STYLE = "distributed"
-    report "ram: STYLE is " & STYLE & ", but has to be auto, block or distributed"
+  assert STYLE = "auto" or STYLE = "block" or STYLE = "apart" or STYLE = "distributed"
+    report "ram: STYLE is " & STYLE & ", but has to be auto, block, apart or distributed"
     severity failure;
 
-  assert STYLE /= "block" or LATENCY > 0
+  assert (STYLE /= "block" and STYLE /= "apart") or LATENCY > 0
     report "ram: a block RAM has a latency of at least one clock"
     severity failure;
 
@@ -154,7 +169,7 @@ begin
     read_word <= word;
   end generate g_combinational;
 
-  g_registered : if LATENCY > 0 generate
+  g_registered : if LATENCY > 0 and STYLE /= "apart" generate
 
     p_read : process (clk) is
     begin
@@ -168,6 +183,25 @@ begin
     end process p_read;
 
   end generate g_registered;
+
+  g_apart : if STYLE = "apart" generate
+
+    p_read : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        if (read = '1') then
+          word <= memory(to_integer(unsigned(read_address)));
+
+          if (write = '1' and write_address = read_address) then
+            word <= (others => 'X');
+          end if;
+        end if;
+      end if;
+
+    end process p_read;
+
+  end generate g_apart;
 
   g_direct : if LATENCY = 1 generate
     read_word <= word;

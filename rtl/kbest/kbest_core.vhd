@@ -12,7 +12,7 @@
 --
 -- Formats: per unit with the scales at each port; parameters as directmpc.kbest.coefficients computes
 -- them from a drive file.
--- Latency: 1050 clocks at most with BEAM = 8 and STAGES = 12, 1080 with compensate.  busy falls
+-- Latency: 1039 clocks at most with BEAM = 8 and STAGES = 12, 1068 with compensate.  busy falls
 -- STAGES + 2 clocks behind valid, when plan_next is there; the next start may come then.
 -- Overflow: saturates and sets saturated; nothing wraps.
 -- Licence: Apache-2.0
@@ -98,12 +98,13 @@ architecture rtl of kbest_core is
   constant WORD_WIDTH : natural := NODE_WIDTH + 12;
   constant LAST_PLACE : place_t := to_unsigned(STAGES, place_t'length);
 
-  type state_t is (IDLE, TERMS, SEARCH, BEST, SHOW, TRACE);
+  type state_t is (IDLE, TERMS, SEARCH, LEAD, SHOW, TRACE);
 
   signal coefficients : coefficients_t;
   signal settings     : settings_t;
 
   signal state     : state_t;
+  signal ready     : std_logic;   -- '1': state is IDLE
   signal begin_all : std_logic;
   signal positions : positions_t;
   signal period    : std_logic;   -- '1': an odd one
@@ -141,8 +142,11 @@ architecture rtl of kbest_core is
   -- places are stages, counted from 1; place 0 is the stage in front of the first
   signal f_place    : place_t;              -- node that is read next
   signal f_at       : unsigned(4 downto 0); -- its place in the list
-  signal f_known    : std_logic;
+  signal f_zero     : std_logic;            -- '1': f_at is 0
+  signal f_one      : std_logic;            -- '1': f_at is 1
+  signal f_more     : std_logic;            -- '1': its stage is collected, and its slot is in ranked
   signal f_slot     : slot_t;
+  signal fetch      : std_logic;
   signal read       : std_logic;
   signal g_valid    : std_logic;            -- '1': node_word is a node that waits
   signal g_place    : place_t;
@@ -150,7 +154,8 @@ architecture rtl of kbest_core is
   signal g_first    : std_logic;            -- '1': the first of its stage
   signal node_word  : std_logic_vector(WORD_WIDTH - 1 downto 0);
   signal node_cost  : std_logic_vector(COST_WIDTH - 1 downto 0);
-  signal fetched    : node_t;
+  signal fetched    : node_t;               -- as it is read
+  signal held_node  : node_t;               -- as it is prepared
   signal prepare    : std_logic;
   signal preparing  : std_logic;            -- '1': a node is being prepared, or waits to be loaded
   signal node_done  : std_logic;
@@ -158,8 +163,9 @@ architecture rtl of kbest_core is
   signal node_clip  : std_logic;
   signal prepared   : prepared_t;
   signal half       : std_logic;
-  signal effect_at  : std_logic_vector(2 downto 0);
   signal effect     : error_t;
+  signal voltage_at : std_logic_vector(2 downto 0);
+  signal voltage    : voltage_t;
   signal share_at   : std_logic_vector(2 downto 0);
   signal share      : prepared_phase_t;
   signal node_long  : std_logic;
@@ -175,7 +181,8 @@ architecture rtl of kbest_core is
   signal load       : std_logic;
   signal load_alone : std_logic;
   signal load_plan  : std_logic;
-  signal load_code  : code_t;
+  signal p_code     : code_t;               -- code of the plan
+  signal codes      : std_logic_vector(4 * STAGES + 3 downto 0); -- the plan, by places
   signal l_root     : std_logic;            -- '1': the node is the first stage's
   signal l_rank     : slot_t;
   signal l_lead     : code_t;
@@ -191,7 +198,9 @@ architecture rtl of kbest_core is
   signal c_width    : unsigned(4 downto 0); -- its nodes
   signal c_loaded   : unsigned(4 downto 0); -- those that are loaded
   signal c_ahead    : std_logic;            -- '1': the first node of the next stage is loaded
-  signal complete   : std_logic;
+  signal whole      : std_logic;            -- '1': its list will be whole in the next clock
+  signal complete   : std_logic;            -- '1': it is, and another stage follows
+  signal finished   : std_logic;            -- '1': it is, and no stage follows
   signal warm_known : std_logic;            -- '1': the planned node of stage f_place is in the memory
   signal warm_slot  : slot_t;
 
@@ -211,6 +220,9 @@ architecture rtl of kbest_core is
   signal child_planned : std_logic;
   signal child_first   : std_logic;
   signal child_parity  : std_logic;
+  signal listed_number  : number_t;
+  signal listed_planned : std_logic;
+  signal listed_parity  : std_logic;
   signal child_clip    : std_logic;
 
   -- list and memories
@@ -218,9 +230,9 @@ architecture rtl of kbest_core is
   signal slot          : slot_t;
   signal least         : cost_t;
   signal used          : unsigned(4 downto 0);
+  signal best          : slot_t;
+  signal next_best     : slot_t;
   signal ranked        : slot_t;
-  signal rank          : unsigned(4 downto 0);
-  signal kept          : std_logic;
   signal write_first   : std_logic;
   signal write         : std_logic;
   signal write_address : std_logic_vector(8 downto 0);
@@ -239,11 +251,13 @@ architecture rtl of kbest_core is
   -- the plan found
   signal t_place   : place_t;               -- stage whose code comes next
   signal t_first   : std_logic;             -- '1': it is the last one, whose child is in node_word
+  signal t_short   : std_logic;             -- '1': t_place is short_stages
   signal t_zero    : std_logic;             -- '1': the code that no stage has is in the plan
   signal t_read    : std_logic;
   signal t_address : std_logic_vector(8 downto 0);
   signal t_word    : std_logic_vector(7 downto 0);
   signal t_code    : code_t;
+  signal first_code : code_t;              -- the first one of the plan found
   signal t_parent  : slot_t;
   signal t_skip    : std_logic;             -- '1': that code comes now
   signal trail     : std_logic_vector(4 * STAGES - 1 downto 0);
@@ -271,8 +285,7 @@ begin
   settings.weight_neutral <= unsigned(weight_neutral);
   settings.weight_phase   <= unsigned(weight_phase);
 
-  begin_all <= '1' when state = IDLE and start = '1' else
-               '0';
+  begin_all <= ready and start;
 
   terms_of_stages : entity work.kbest_terms
     port map (
@@ -317,23 +330,17 @@ begin
   write_first          <= '1' when state = TERMS and terms_begun = '1' else
                           '0';
 
-  -- the next node: the planned one as soon as it is there, the others when the list is whole
-  f_known <= '0' when state /= SEARCH else
-             warm_known when f_at = 0 else
-             to_std_logic(used > 1) when complete = '1' and f_at = 1 and f_place = c_place + 1 else
-             '1' when f_place = c_place and f_at < c_width else
-             '0';
-  -- the second node is read in the clock in which the list is whole
-  rank    <= (others => '0') when state = BEST else
-             f_at;
-  kept    <= '0' when state = BEST or complete = '1' else
-             '1';
-  f_slot  <= warm_slot when f_at = 0 and state = SEARCH else
+  -- the next node: the planned one as soon as it is there, the others when the list is whole; f_place is c_place or
+  -- the place behind it
+  f_slot  <= best when finished = '1' else
+             warm_slot when f_zero = '1' else
+             next_best when complete = '1' else
              ranked;
-  read    <= '1' when state = BEST or (f_known = '1' and g_valid = '0' and preparing = '0') else
-             '0';
+  fetch   <= not g_valid and ((f_zero and warm_known) or f_more
+                              or (complete and f_one and to_std_logic(used > 1)));
+  read    <= fetch or finished;
 
-  name_read    <= LAST_PLACE(0) & std_logic_vector(f_slot) when state = BEST else
+  name_read    <= LAST_PLACE(0) & std_logic_vector(f_slot) when finished = '1' else
                   not f_place(0) & std_logic_vector(f_slot);
   read_address <= name_read(4) & name;
 
@@ -373,9 +380,11 @@ begin
       linear_at    => linear_at,
       linear       => linear,
       done         => node_done,
+      held         => held_node,
       prepared     => prepared,
       half         => half,
-      effect_at    => effect_at,
+      voltage_at   => voltage_at,
+      voltage      => voltage,
       effect       => effect,
       share_at     => share_at,
       share        => share,
@@ -392,24 +401,23 @@ begin
   node_long <= terms_long when g_first = '1' else
                kept_long;
 
+  codes      <= plan & "0000";
   load       <= (node_done or node_up) and not busy_children;
   load_alone <= '1' when p_place = 0 else
                 '0';
   load_plan  <= '1' when p_first = '1' and p_place /= LAST_PLACE else
                 '0';
-  load_code  <= "0000" when p_place = 0 else
-                unsigned(selected(plan, std_logic_vector(p_place - 1), 4));
-
   children : entity work.kbest_children
     port map (
       clk           => clk,
       rst           => rst,
       load          => load,
       prepared      => prepared,
-      node          => fetched,
+      node          => held_node,
       half          => half,
       place         => p_place(1 downto 0),
-      effect_at     => effect_at,
+      voltage_at    => voltage_at,
+      voltage       => voltage,
       effect        => effect,
       share_at      => share_at,
       share         => share,
@@ -418,7 +426,7 @@ begin
       charge        => child_charge,
       alone         => load_alone,
       has_plan      => load_plan,
-      plan          => load_code,
+      plan          => p_code,
       first         => p_first,
       settings      => settings,
       busy          => busy_children,
@@ -435,6 +443,9 @@ begin
       child_planned => child_planned,
       child_first   => child_first,
       child_parity  => child_parity,
+      listed_number  => listed_number,
+      listed_planned => listed_planned,
+      listed_parity  => listed_parity,
       pending       => pending,
       saturated     => child_clip
     );
@@ -455,9 +466,10 @@ begin
       slot      => slot,
       least     => least,
       used      => used,
+      best      => best,
+      next_best => next_best,
       hold      => complete,
-      rank      => rank,
-      kept      => kept,
+      rank      => f_at,
       ranked    => ranked
     );
 
@@ -475,7 +487,7 @@ begin
       ADDRESS_WIDTH => 9,
       WIDTH         => WORD_WIDTH,
       LATENCY       => 1,
-      STYLE         => "block"
+      STYLE         => "apart"
     )
     port map (
       clk           => clk,
@@ -498,7 +510,7 @@ begin
       ADDRESS_WIDTH => 9,
       WIDTH         => COST_WIDTH,
       LATENCY       => 1,
-      STYLE         => "block"
+      STYLE         => "apart"
     )
     port map (
       clk           => clk,
@@ -513,9 +525,9 @@ begin
   -- numbers of the children in the slots
   name_write   <= write_first or accepted;
   name_address <= not c_place(0) & x"0" when write_first = '1' else
-                  child_parity & std_logic_vector(slot);
+                  listed_parity & std_logic_vector(slot);
   name_word    <= (others => '0') when write_first = '1' else
-                  std_logic_vector(child_number);
+                  std_logic_vector(listed_number);
 
   names : entity work.ram
     generic map (
@@ -540,7 +552,7 @@ begin
                unsigned(t_word(7 downto 4));
   t_parent  <= unsigned(node_word(7 downto 4)) when t_first = '1' else
                unsigned(t_word(3 downto 0));
-  t_skip    <= '1' when t_zero = '0' and (period = '0' or t_place = unsigned(short_stages)) else
+  t_skip    <= '1' when t_zero = '0' and (period = '0' or t_short = '1') else
                '0';
   t_read    <= '1' when state = TRACE and t_skip = '0' else
                '0';
@@ -551,7 +563,7 @@ begin
       ADDRESS_WIDTH => 9,
       WIDTH         => 8,
       LATENCY       => 1,
-      STYLE         => "block"
+      STYLE         => "apart"
     )
     port map (
       clk           => clk,
@@ -563,10 +575,10 @@ begin
       read_word     => t_word
     );
 
-  -- all nodes of the collected stage are loaded, and none of its children is under way
-  complete <= '1' when state = SEARCH and c_loaded = c_width
-                       and ((c_place(0) = '1' and pending(1) = '0') or (c_place(0) = '0' and pending(0) = '0')) else
-              '0';
+  -- all nodes of the collected stage are loaded, and the last of its children is being listed
+  whole <= '1' when state = SEARCH and complete = '0' and finished = '0' and c_loaded = c_width
+                    and ((c_place(0) = '1' and pending(1) = '0') or (c_place(0) = '0' and pending(0) = '0')) else
+           '0';
 
   p_search : process (clk) is
 
@@ -576,7 +588,10 @@ begin
   begin
 
     if rising_edge(clk) then
-      valid <= '0';
+      valid    <= '0';
+      complete <= whole and not to_std_logic(c_place = LAST_PLACE);
+      finished <= whole and to_std_logic(c_place = LAST_PLACE);
+      f_more   <= not fetch and not f_zero and to_std_logic(f_place(0) = c_place(0) and f_at < c_width);
 
       if (terms_clip = '1' or node_clip = '1' or child_clip = '1') then
         flagged <= '1';
@@ -602,7 +617,7 @@ begin
         l_rank    <= p_rank;
         l_lead    <= p_lead;
 
-        if (p_place = c_place) then
+        if (p_place(0) = c_place(0)) then
           c_loaded <= c_loaded + 1;
         else
           c_ahead <= '1';
@@ -619,64 +634,50 @@ begin
         kept_long <= node_long;
       end if;
 
-      if (state = SEARCH and f_known = '1' and g_valid = '0' and preparing = '0') then
+      -- none of the stage in front of the first
+      p_code <= unsigned(selected(codes, std_logic_vector(p_place), 4));
+
+      if (fetch = '1') then
         g_valid <= '1';
         g_place <= f_place;
         g_rank  <= f_at;
         g_first <= '0';
         f_at    <= f_at + 1;
+        f_zero  <= '0';
+        f_one   <= f_zero;
 
-        if (f_at = 0) then
+        if (f_zero = '1') then
           g_first    <= '1';
           warm_known <= '0';
         end if;
-      elsif (state = SEARCH and f_at /= 0 and f_place = c_place and f_at = c_width and f_place /= LAST_PLACE) then
+      elsif (f_zero = '0' and f_place(0) = c_place(0) and f_at = c_width and f_place /= LAST_PLACE) then
         f_at    <= (others => '0');
+        f_zero  <= '1';
+        f_one   <= '0';
         f_place <= f_place + 1;
       end if;
 
-      if (accepted = '1' and child_planned = '1') then
+      if (accepted = '1' and listed_planned = '1') then
         warm_known <= '1';
         warm_slot  <= slot;
+      end if;
+
+      if (complete = '1') then
+        c_place  <= c_place + 1;
+        c_width  <= used;
+        c_ahead  <= '0';
+        c_loaded <= (others => '0');
+
+        -- the next stage's first node may be loaded already, or just now
+        if (c_ahead = '1' or (load = '1' and p_place(0) /= c_place(0))) then
+          c_loaded <= to_unsigned(1, c_loaded'length);
+        end if;
       end if;
 
       case state is
 
         when IDLE =>
-          if (start = '1') then
-            state         <= TERMS;
-            m_is_alpha    <= signed(is_alpha);
-            m_is_beta     <= signed(is_beta);
-            m_psir_alpha  <= signed(psir_alpha);
-            m_psir_beta   <= signed(psir_beta);
-            m_v_n         <= signed(v_n);
-            m_v_dc        <= unsigned(v_dc);
-            m_iref_alpha  <= signed(iref_alpha);
-            m_iref_beta   <= signed(iref_beta);
-            m_omega_s     <= signed(omega_s);
-            m_omega_r     <= signed(omega_r);
-            positions     <= (unsigned(s_prev_a), unsigned(s_prev_b), unsigned(s_prev_c));
-            period        <= odd;
-            flagged       <= '0';
-            m_v_ph        <= v_ph_c & v_ph_b & v_ph_a;
-            root_phase    <= (others => '0');
-
-            c_place    <= to_unsigned(1, place_t'length);
-            f_place    <= to_unsigned(1, place_t'length);
-
-            if (compensate = '1') then
-              c_place <= to_unsigned(0, place_t'length);
-              f_place <= to_unsigned(0, place_t'length);
-            end if;
-
-            f_at       <= (others => '0');
-            c_width    <= to_unsigned(1, c_width'length);
-            c_loaded   <= (others => '0');
-            c_ahead    <= '0';
-            warm_known <= '1';
-            warm_slot  <= (others => '0');
-            g_valid    <= '0';
-          end if;
+          null;
 
         when TERMS =>
           if (root = '1') then
@@ -684,35 +685,25 @@ begin
           end if;
 
           if (terms_begun = '1') then
-            state <= SEARCH;
+            state      <= SEARCH;
+            warm_known <= '1';
           end if;
 
         when SEARCH =>
-          if (complete = '1') then
-            if (c_place = LAST_PLACE) then
-              state <= BEST;
-            else
-              c_place  <= c_place + 1;
-              c_width  <= used;
-              c_ahead  <= '0';
-              c_loaded <= (others => '0');
-
-              -- the next stage's first node may be loaded already, or just now
-              if (c_ahead = '1' or (load = '1' and p_place /= c_place)) then
-                c_loaded <= to_unsigned(1, c_loaded'length);
-              end if;
-            end if;
+          if (finished = '1') then
+            state <= LEAD;
           end if;
 
-        when BEST =>
-          state <= SHOW;
+        when LEAD =>
+          state      <= SHOW;
+          first_code <= unsigned(node_word(3 downto 0));
 
         when SHOW =>
           state     <= TRACE;
           valid     <= '1';
           saturated <= flagged;
           cost      <= std_logic_vector(least);
-          code      := to_integer(unsigned(node_word(3 downto 0)));
+          code      := to_integer(first_code);
           move      := positions;
           held      <= '0';
 
@@ -736,6 +727,7 @@ begin
           s_b     <= std_logic_vector(move(1));
           s_c     <= std_logic_vector(move(2));
           t_place <= LAST_PLACE;
+          t_short <= to_std_logic(LAST_PLACE = unsigned(short_stages));
           t_first <= '1';
           t_zero  <= '0';
 
@@ -746,28 +738,71 @@ begin
             trail  <= trail(4 * STAGES - 5 downto 0) & "0000";
           elsif (t_place = 1) then
             state    <= IDLE;
+            ready    <= '1';
             odd_next <= not period;
           else
             t_first <= '0';
             t_place <= t_place - 1;
+            t_short <= to_std_logic(t_place = resize(unsigned(short_stages), place_t'length) + 1);
             trail   <= trail(4 * STAGES - 5 downto 0) & std_logic_vector(t_code);
           end if;
 
       end case;
 
+      if (begin_all = '1') then
+        ready         <= '0';
+        state         <= TERMS;
+        m_is_alpha    <= signed(is_alpha);
+        m_is_beta     <= signed(is_beta);
+        m_psir_alpha  <= signed(psir_alpha);
+        m_psir_beta   <= signed(psir_beta);
+        m_v_n         <= signed(v_n);
+        m_v_dc        <= unsigned(v_dc);
+        m_iref_alpha  <= signed(iref_alpha);
+        m_iref_beta   <= signed(iref_beta);
+        m_omega_s     <= signed(omega_s);
+        m_omega_r     <= signed(omega_r);
+        positions     <= (unsigned(s_prev_a), unsigned(s_prev_b), unsigned(s_prev_c));
+        period        <= odd;
+        flagged       <= '0';
+        m_v_ph        <= v_ph_c & v_ph_b & v_ph_a;
+        root_phase    <= (others => '0');
+
+        c_place    <= to_unsigned(1, place_t'length);
+        f_place    <= to_unsigned(1, place_t'length);
+
+        if (compensate = '1') then
+          c_place <= to_unsigned(0, place_t'length);
+          f_place <= to_unsigned(0, place_t'length);
+        end if;
+
+        f_at       <= (others => '0');
+        f_zero     <= '1';
+        f_one      <= '0';
+        c_width    <= to_unsigned(1, c_width'length);
+        c_loaded   <= (others => '0');
+        c_ahead    <= '0';
+        warm_slot  <= (others => '0');
+        g_valid    <= '0';
+      end if;
+
       if (rst = '1') then
         state      <= IDLE;
+        ready      <= '1';
         preparing  <= '0';
         node_up    <= '0';
         g_valid    <= '0';
         warm_known <= '0';
+        complete   <= '0';
+        finished   <= '0';
+        f_zero     <= '1';
+        f_more     <= '0';
       end if;
     end if;
 
   end process p_search;
 
-  busy      <= '0' when state = IDLE else
-               '1';
+  busy      <= not ready;
   plan_next <= trail;
 
 end architecture rtl;

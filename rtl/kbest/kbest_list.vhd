@@ -1,11 +1,14 @@
 -- The children of a stage that live on, by rank (docs/specification.md, section 10.3).
 --
--- The list has up to BEAM entries.  A child comes in every clock.  Of equal keys the earlier one stays in
--- front.  Of one position at most two entries stay.  A planned child goes to the front whatever its key.
--- Entries never move: each has a slot, and its rank counts how many stand in front of it.  A child takes the
--- slot of the entry that it drives out.  The ranks are a permutation of all slots, used or not.
+-- The list has up to BEAM entries, the best one first.  A child may come in every clock.  Of equal keys the earlier one
+-- stays in front.  Of one position at most two entries stay.  A planned child goes to the front whatever its key.
+-- Each entry has a slot; a child takes that of the entry that it drives out.
+--
+-- A child is compared with all entries in one clock and put among them in the next, while the one behind it is
+-- compared: what moves in between takes the results of its comparison along.
 -- Formats: keys unsigned; positions of the three phases, 3 bits each.
--- Latency: accepted and slot in the clock of the child; the list behind the next edge.
+-- Latency: accepted and slot in the clock behind the child's; the list in the one behind that.  ranked is that of the
+-- clock before.
 -- Overflow: none; a child behind BEAM others is dropped.
 -- Licence: Apache-2.0
 
@@ -14,6 +17,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.directmpc_math.all;
   use work.kbest_constants.all;
   use work.kbest_types.all;
 
@@ -31,203 +35,206 @@ entity kbest_list is
     positions : in    std_logic_vector(8 downto 0); -- of the child, phase a on the left
     accepted  : out   std_logic;                    -- '1': the child is in the list
     slot      : out   slot_t;                       -- the slot that it takes
-    least     : out   cost_t;                       -- key of the first entry, unless that one is planned
+    least     : out   cost_t;                       -- key of the first entry, 0 if that one is planned
     used      : out   unsigned(4 downto 0);         -- number of entries
-    hold      : in    std_logic;                    -- '1': the ranks are kept for rank
-    rank      : in    unsigned(4 downto 0);         -- a rank in the list, or in the one that is kept
-    kept      : in    std_logic;                    -- '1': in the one that is kept
+    best      : out   slot_t;                       -- slot of the first entry
+    next_best : out   slot_t;                       -- slot of the second one
+    hold      : in    std_logic;                    -- '1': the slots are kept for rank
+    rank      : in    unsigned(4 downto 0);         -- a rank in the list that is kept
     ranked    : out   slot_t                        -- slot of that rank
   );
 end entity kbest_list;
 
 architecture rtl of kbest_list is
 
-  subtype rank_t is natural range 0 to BEAM - 1;
-
   subtype flags_t is std_logic_vector(BEAM - 1 downto 0);
 
   type keys_t is array (0 to BEAM - 1) of cost_t;
 
-  type ranks_t is array (0 to BEAM - 1) of rank_t;
+  type slots_t is array (0 to BEAM - 1) of slot_t;
 
   type places_t is array (0 to BEAM - 1) of std_logic_vector(8 downto 0);
 
-  -- each slot has its own number as its rank
-  function in_turn return ranks_t is
+  constant RUNNER_UP : natural := choose(BEAM > 1, 1, 0);
 
-    variable result : ranks_t;
+  -- entries by rank
+  signal keys    : keys_t;
+  signal places  : places_t;
+  signal slots   : slots_t;
+  signal earlier : slots_t;            -- slots that are kept
+  signal valid   : flags_t;
+  signal second  : flags_t;            -- '1': another entry of the same position stands in front
+  signal number  : unsigned(4 downto 0);
+
+  -- the child in its second clock
+  signal enters_now   : std_logic;
+  signal first_now    : std_logic;
+  signal key_now      : cost_t;
+  signal place_now    : std_logic_vector(8 downto 0);
+  signal less         : flags_t;       -- '1': it stands in front of the entry, before that moved
+  signal alike        : flags_t;       -- '1': entry has its position
+  signal less_newest  : std_logic;     -- the same beside the child before it
+  signal alike_newest : std_logic;
+  signal newest       : flags_t;       -- '1': entry is that child
+  signal moved        : flags_t;       -- '1': entry had the rank before
+
+  signal front    : flags_t;           -- '1': entry stands in front of the child
+  signal same     : flags_t;           -- '1': entry has the child's position
+  signal leaves   : flags_t;           -- '1': entry would be the third of its position
+  signal loads    : flags_t;           -- '1': entry gives way to the child
+  signal enters   : std_logic;
+  signal taken    : slot_t;            -- slot of the entry that leaves
+
+  function is_less (left, right : cost_t) return std_logic is
+
+    variable distance : unsigned(COST_WIDTH downto 0);
 
   begin
 
-    for i in result'range loop
-      result(i) := i;
-    end loop;
+    -- a difference, as a comparison costs inverters
+    distance := ('0' & left) - ('0' & right);
+    return distance(COST_WIDTH);
 
-    return result;
+  end function is_less;
 
-  end function in_turn;
+  function any (bits : std_logic_vector) return std_logic is
+  begin
 
-  signal keys     : keys_t;
-  signal places   : places_t;
-  signal ranks    : ranks_t;
-  signal earlier  : ranks_t; -- ranks that are kept
-  signal valid    : flags_t;
-  signal second   : flags_t; -- '1': another entry of the same position stands in front
-  signal number   : unsigned(4 downto 0);
-  signal in_front : flags_t; -- '1': entry stands in front of the child
-  signal same     : flags_t; -- '1': entry has the child's position
-  signal victim   : flags_t; -- '1': entry that the child drives out
-  signal placed   : rank_t;  -- rank of the child
-  signal limit    : rank_t;  -- rank of the victim
-  signal enters   : std_logic;
+    return to_std_logic(bits /= (bits'range => '0'));
+
+  end function any;
 
 begin
 
-  p_compare : process (keys, places, ranks, valid, second, first, planned, key, positions) is
-
-    variable crowded  : std_logic;
-    variable distance : unsigned(COST_WIDTH downto 0);
-    variable front   : flags_t;
-    variable alike   : flags_t;
-    variable out_of  : flags_t;
-    variable count   : natural range 0 to BEAM;
-    variable last    : natural range 0 to 15;
-
+  p_entries_now : process (less, alike, less_newest, alike_newest, newest, moved) is
   begin
 
     for i in 0 to BEAM - 1 loop
-      front(i) := '0';
-      alike(i) := '0';
+      front(i) <= not less(i);
+      same(i)  <= alike(i);
 
-      if (valid(i) = '1' and first = '0') then
-        -- a difference, as a comparison costs inverters
-        distance := ('0' & key) - ('0' & keys(i));
-        front(i) := not (planned or distance(COST_WIDTH));
-
-        if (positions = places(i)) then
-          alike(i) := '1';
-        end if;
+      if (newest(i) = '1') then
+        front(i) <= not less_newest;
+        same(i)  <= alike_newest;
+      elsif (moved(i) = '1' and i > 0) then
+        front(i) <= not less(maximum_of(i, 1) - 1);
+        same(i)  <= alike(maximum_of(i, 1) - 1);
       end if;
     end loop;
 
-    crowded := '0';
+  end process p_entries_now;
 
-    for i in 0 to BEAM - 1 loop
-      crowded := crowded or (alike(i) and second(i));
-    end loop;
+  leaves <= same and second;
+  -- where the last entry is in front, all of them are
+  enters <= not (front(BEAM - 1) or any(front and leaves));
 
-    count := 0;
-    last  := 0;
+  p_leave : process (front, leaves, slots) is
 
-    for i in 0 to BEAM - 1 loop
-      out_of(i) := '0';
+    variable one : slot_t;
 
-      if ((crowded = '1' and alike(i) = '1' and second(i) = '1') or (crowded = '0' and ranks(i) = BEAM - 1)) then
-        out_of(i) := '1';
-      end if;
+  begin
 
-      if (front(i) = '1') then
-        count := count + 1;
-      end if;
-    end loop;
+    one := (others => '0');
 
-    slot  <= (others => '0');
-    limit <= 0;
-
-    for i in 0 to BEAM - 1 loop
-      if (out_of(i) = '1') then
-        slot  <= to_unsigned(i, slot_t'length);
-        limit <= ranks(i);
-      end if;
-    end loop;
-
-    enters <= '1';
-
-    if ((out_of and front) /= (flags_t'range => '0')) then
-      enters <= '0';
+    if (any(leaves) = '0') then
+      one := slots(BEAM - 1);
     end if;
 
-    placed <= 0;
+    for i in 0 to BEAM - 1 loop
+      loads(i) <= not front(i);
 
-    if (count < BEAM) then
-      placed <= count;
-    end if;
+      if (i > 0 and any(leaves(maximum_of(i, 1) - 1 downto 0)) = '1') then
+        loads(i) <= '0';
+      end if;
 
-    in_front <= front;
-    same     <= alike;
-    victim   <= out_of;
+      if (leaves(i) = '1') then
+        one := one or slots(i);
+      end if;
+    end loop;
 
-  end process p_compare;
+    taken <= one;
 
-  accepted <= insert and enters;
+  end process p_leave;
+
+  accepted <= enters_now and enters;
+  slot     <= taken;
 
   p_entries : process (clk) is
   begin
 
     if rising_edge(clk) then
-      if (insert = '1' and first = '1') then
-        valid  <= (others => '0');
-        number <= (others => '0');
-      end if;
+      enters_now   <= insert;
+      first_now    <= first;
+      key_now      <= key;
+      place_now    <= positions;
+      less_newest  <= is_less(key, key_now) or planned or first;
+      alike_newest <= to_std_logic(positions = place_now) and not first;
+      newest       <= (others => '0');
+      moved        <= (others => '0');
 
-      if (insert = '1' and enters = '1') then
-        for i in 0 to BEAM - 1 loop
-          if (victim(i) = '1') then
-            keys(i)   <= key;
-            places(i) <= positions;
-            ranks(i)  <= placed;
-            valid(i)  <= '1';
-            second(i) <= '0';
+      for i in 0 to BEAM - 1 loop
+        less(i)  <= is_less(key, keys(i)) or planned;
+        alike(i) <= to_std_logic(positions = places(i));
 
-            if ((same and in_front) /= (flags_t'range => '0')) then
-              second(i) <= '1';
-            end if;
-
-            if (first = '1') then
-              number <= to_unsigned(1, number'length);
-            elsif (valid(i) = '0') then
-              number <= number + 1;
-            end if;
-          elsif (in_front(i) = '0' and ranks(i) < limit) then
-            ranks(i) <= ranks(i) + 1;
-          end if;
-
-          if (victim(i) = '0' and in_front(i) = '0' and same(i) = '1') then
-            second(i) <= '1';
-          end if;
-        end loop;
-
-        if (placed = 0) then
-          least <= key;
+        -- the entry is not one of this stage
+        if (valid(i) = '0' or first = '1' or (enters_now = '1' and first_now = '1')) then
+          less(i)  <= '1';
+          alike(i) <= '0';
         end if;
+
+        -- none of them where the child does not enter
+        if (enters_now = '1' and loads(i) = '1') then
+          if (i > 0 and front(maximum_of(i, 1) - 1) = '0') then
+            moved(i)  <= '1';
+            keys(i)   <= keys(maximum_of(i, 1) - 1);
+            places(i) <= places(maximum_of(i, 1) - 1);
+            slots(i)  <= slots(maximum_of(i, 1) - 1);
+            valid(i)  <= valid(maximum_of(i, 1) - 1) and not first_now;
+            second(i) <= second(maximum_of(i, 1) - 1) or same(maximum_of(i, 1) - 1);
+          else
+            newest(i) <= '1';
+            keys(i)   <= key_now;
+            places(i) <= place_now;
+            slots(i)  <= taken;
+            valid(i)  <= '1';
+            second(i) <= any(same and front);
+          end if;
+        end if;
+      end loop;
+
+      if (enters_now = '1' and first_now = '1') then
+        number <= to_unsigned(1, number'length);
+      elsif (enters_now = '1' and any(leaves) = '0' and valid(BEAM - 1) = '0') then
+        number <= number + 1;
       end if;
 
       if (hold = '1') then
-        earlier <= ranks;
+        earlier <= slots;
       end if;
 
+      ranked <= (others => '0');
+
+      for i in 0 to BEAM - 1 loop
+        if (rank = i) then
+          ranked <= earlier(i);
+        end if;
+      end loop;
+
       if (rst = '1') then
-        ranks  <= in_turn;
-        valid  <= (others => '0');
-        number <= (others => '0');
+        enters_now <= '0';
+        valid      <= (others => '0');
+
+        for i in 0 to BEAM - 1 loop
+          slots(i) <= to_unsigned(i, slot_t'length);
+        end loop;
       end if;
     end if;
 
   end process p_entries;
 
-  p_find : process (ranks, earlier, rank, kept) is
-  begin
-
-    ranked <= (others => '0');
-
-    for i in 0 to BEAM - 1 loop
-      if ((kept = '1' and earlier(i) = rank) or (kept = '0' and ranks(i) = rank)) then
-        ranked <= to_unsigned(i, slot_t'length);
-      end if;
-    end loop;
-
-  end process p_find;
-
+  least     <= keys(0);
+  best      <= slots(0);
+  next_best <= slots(RUNNER_UP);
   used <= number;
 
 end architecture rtl;

@@ -5,7 +5,7 @@
 -- drift of one step at k, and the first error.  A part for a stage of one step and one for a stage of two turn
 -- reference and drift by a step at a time.
 -- Formats: as directmpc.kbest.formats has them.
--- Latency: 51 clocks from start to ready of the first stage; from taken to ready 27 for a stage of one step and 34
+-- Latency: 52 clocks from start to ready of the first stage; from taken to ready 28 for a stage of one step and 35
 -- for one of two, up to 14 more where the stage before is taken at once.
 -- Overflow: words saturate; saturated says so for one clock.
 -- Licence: Apache-2.0
@@ -263,6 +263,8 @@ architecture rtl of kbest_terms is
   signal long_i  : std_logic; -- '1': the stage that is computed lasts two steps
   signal flip    : std_logic;            -- '1': the pairs of A have changed places
   signal row     : std_logic_vector(ROW_WIDTH - 1 downto 0);
+  signal issued  : std_logic;            -- '1': a row is read
+  signal ends    : std_logic;            -- '1': it is the last one of a step
   signal valid   : std_logic;            -- of row
   signal turned  : std_logic;            -- '1': row is the last one of a step
   signal a_place : std_logic_vector(3 downto 0);
@@ -294,16 +296,13 @@ architecture rtl of kbest_terms is
 
 begin
 
-  -- '1' from the first stage of two steps on; place 0 is the one in front of the first
   odd_n(0) <= odd;
-  long_i     <= '0' when place + odd_n < resize(short, place'length) + 1 else
-              '1';
 
   i_rows : entity work.ram
     generic map (
       ADDRESS_WIDTH => 7,
       WIDTH         => ROW_WIDTH,
-      LATENCY       => 1,
+      LATENCY       => 2,
       STYLE         => "block",
       CONTENTS      => ROWS
     )
@@ -458,16 +457,21 @@ begin
 
   p_run : process (clk) is
 
-    variable addend : signed(SUM_WIDTH - 1 downto 0);
+    variable addend    : signed(SUM_WIDTH - 1 downto 0);
+    variable following : unsigned(5 downto 0);
+
   begin
 
     if rising_edge(clk) then
       saturated <= '0';
       begun     <= '0';
+      following := place;
 
       -- rows
-      valid  <= running;
-      turned <= '0';
+      issued <= running;
+      valid  <= issued;
+      ends   <= '0';
+      turned <= ends;
 
       if (running = '1') then
         counter <= counter + 1;
@@ -477,12 +481,12 @@ begin
         end if;
 
         if (counter = LONG_FROM - 1 or counter = TURN_FROM - 1 or counter = ALL_ROWS - 1) then
-          turned <= '1';
+          ends <= '1';
         end if;
 
         if (counter = LONG_FROM - 1 or counter = ALL_ROWS - 1) then
-          running <= '0';
-          place   <= place + 1;
+          running   <= '0';
+          following := place + 1;
         end if;
       elsif (ordered = '1') then
         ordered <= '0';
@@ -495,6 +499,10 @@ begin
       end if;
 
       flip <= flip xor turned;
+
+      -- '1' from the first stage of two steps on; place 0 is the one in front of the first
+      place  <= following;
+      long_i <= not to_std_logic(following + odd_n < resize(short, place'length) + 1);
 
       -- operands
       case to_integer(unsigned(row(4 downto 0))) is
@@ -646,7 +654,9 @@ begin
         ready_i <= '0';
         counter <= (others => '0');
         flip    <= '0';
+        issued  <= '0';
         valid   <= '0';
+        ends    <= '0';
         turned  <= '0';
         place   <= to_unsigned(1, place'length);
 
@@ -661,9 +671,11 @@ begin
 
       if (rst = '1') then
         running <= '0';
+        issued  <= '0';
         valid   <= '0';
         ordered <= '0';
         ready_i <= '0';
+        ends    <= '0';
         turned  <= '0';
 
         for i in tags'range loop

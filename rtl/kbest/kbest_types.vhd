@@ -115,14 +115,16 @@ package kbest_types is
     ahead      : ahead_cost_t; -- what the key adds for v_ph
   end record prepared_t;
 
-  constant SHARE_COST_WIDTH  : natural := 2 * EXCESS_WIDTH - EXCESS_SHIFT + 11; -- greatest weight, long stage
+  -- a weight is 2 ** 10 at most, and a long stage doubles it
+  constant MOST_WEIGHT : natural := 11;
+
+  constant SHARE_COST_WIDTH  : natural := 2 * EXCESS_WIDTH - EXCESS_SHIFT + MOST_WEIGHT;
   constant SHARE_AHEAD_WIDTH : natural := 2 * AHEAD_WIDTH - 1 - CAPACITOR_AHEAD_SHIFT;
   constant SHARE_WIDTH       : natural := SHARE_COST_WIDTH + SHARE_AHEAD_WIDTH;
 
   -- the same for each of its phases
   type prepared_phase_t is record
-    d     : voltage_t;   -- v_ph - v_dc/4 in front of the stage
-    cost  : wide_cost_t; -- share in total
+    cost  : wide_cost_t;  -- share in total
     ahead : ahead_cost_t; -- share in ahead
   end record prepared_phase_t;
 
@@ -135,8 +137,11 @@ package kbest_types is
   -- where a straight line leads in 8 or 4 times its stage, less low bits, limited to its word
   function ahead (now, earlier : signed; long : std_logic; steps, low : natural) return ahead_t;
 
-  -- square of a product's cost: shifted right, one less for a long stage
-  function cost_of (square : unsigned; shift : natural; weight : unsigned; long : std_logic) return wide_cost_t;
+  -- shift of cost_of for an exponent of a weight; one less for a long stage, which doubles it
+  function down_of (weight : unsigned; long : std_logic) return unsigned;
+
+  -- square of an excess as a cost
+  function cost_of (square, down : unsigned) return wide_cost_t;
 
 end package kbest_types;
 
@@ -228,39 +233,39 @@ package body kbest_types is
 
   function ahead (now, earlier : signed; long : std_logic; steps, low : natural) return ahead_t is
 
-    variable wide : signed(now'length + steps + 1 downto 0);
+    variable change_n : signed(now'length + 1 downto 0);
+    variable change_e : signed(now'length + 1 downto 0);
 
   begin
 
-    wide := resize(now, wide'length) - resize(earlier, wide'length);
+    -- less the low bits that the change does not reach: then one sum of three
+    change_n := resize(now, change_n'length);
+    change_e := resize(earlier, change_e'length);
 
-    if (long = '1') then
-      wide := shift_left(wide, steps - 1);
-    else
-      wide := shift_left(wide, steps);
+    if (long = '0') then
+      change_n := shift_left(change_n, 1);
+      change_e := shift_left(change_e, 1);
     end if;
 
-    wide := shift_right(resize(now, wide'length) + wide, low);
-    return clip(wide, AHEAD_WIDTH);
+    return clip(shift_right(shift_right(now, steps - 1) + change_n - change_e, low - steps + 1), AHEAD_WIDTH);
 
   end function ahead;
 
-  function cost_of (square : unsigned; shift : natural; weight : unsigned; long : std_logic) return wide_cost_t is
-
-    -- a weight is 2 ** 10 at most, and a long stage doubles it
-    constant MOST : natural := 11;
-
-    variable down : unsigned(3 downto 0);
-
+  function down_of (weight : unsigned; long : std_logic) return unsigned is
   begin
 
-    down := MOST - weight;
-
     if (long = '1') then
-      down := MOST - 1 - weight;
+      return (MOST_WEIGHT - 1) - weight;
     end if;
 
-    return resize(shift_right(shift_right(square, shift - MOST), to_integer(down)), wide_cost_t'length);
+    return MOST_WEIGHT - weight;
+
+  end function down_of;
+
+  function cost_of (square, down : unsigned) return wide_cost_t is
+  begin
+
+    return resize(shift_right(shift_right(square, EXCESS_SHIFT - MOST_WEIGHT), to_integer(down)), wide_cost_t'length);
 
   end function cost_of;
 

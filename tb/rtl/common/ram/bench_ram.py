@@ -63,6 +63,10 @@ async def random_accesses(dut) -> None:
             board.cover("kept while written", int(write))
         if write:
             memory[to] = value
+        if given["STYLE"] == "apart" and read and write and to == place:
+            first = None
+            if latency == 1:
+                board.check("words", str(dut.read_word.value), "X" * width, f"clock {k}")
         shown = (memory[place], first, second)[latency]
         if shown is not None:
             board.check("words", str(dut.read_word.value), text(shown), f"clock {k}")

@@ -67,6 +67,8 @@ def bench(
         (3, 5, 1, "block"),
         (4, 40, 1, "auto"),
         (3, 5, 2, "block"),
+        (3, 5, 1, "apart"),
+        (3, 5, 2, "apart"),
         (1, 7, 2, "distributed"),
     ],
 )

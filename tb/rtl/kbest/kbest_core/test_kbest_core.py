@@ -134,17 +134,18 @@ def test_a_reset_leaves_nothing_behind(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("unit", "old", "new"),
     [
-        ("kbest_list", "('0' & key) - ('0' & keys(i))", "('0' & key) - ('0' & keys(i)) - 1"),
-        ("kbest_list", "crowded := crowded or (alike(i) and second(i));", "crowded := '0';"),
-        ("kbest_list", "second(i) <= '0';", "second(i) <= '1';"),
+        ("kbest_list", "('0' & left) - ('0' & right)", "('0' & left) - ('0' & right) - 1"),
+        ("kbest_list", "leaves <= same and second;", "leaves <= (others => '0');"),
+        ("kbest_list", "second(i) <= any(same and front);", "second(i) <= '1';"),
+        ("kbest_list", "if (newest(i) = '1') then", "if (newest(i) = '0') then"),
         ("kbest_terms", "(resize(result, charge'length), 1)", "(resize(result, charge'length), 0)"),
-        ("kbest_node", "code >= 7 and phase = 2", "code >= 8 and phase = 2"),
+        ("kbest_node", "own_code >= 7 and", "own_code >= 8 and"),
         ("kbest_node", "found.keep_w <= sum_w + change;", "found.keep_w <= sum_w - change;"),
-        ("kbest_children", "if (m < count(", "if (m <= count("),
-        ("kbest_children", "DRAWN_STEP(s, index_1) < 0", "DRAWN_STEP(s, index_1) > 0"),
+        ("kbest_children", "and m < count(", "and m <= count("),
+        ("kbest_children", "DRAWN_STEP(s, index) < 0", "DRAWN_STEP(s, index) > 0"),
         ("kbest_core", "t_zero = '0' and (period = '0'", "t_zero = '0' and (period = '1'"),
         ("kbest_core", "w_rank <= v_rank;", "w_rank <= l_rank;"),
-        ("kbest_types", "wide := shift_left(wide, steps - 1);", "wide := shift_left(wide, steps);"),
+        ("kbest_types", "change_e := shift_left(change_e, 1);", "change_e := shift_left(change_e, 0);"),
     ],
 )
 def test_faults_are_found(unit: str, old: str, new: str, tmp_path: Path) -> None:
