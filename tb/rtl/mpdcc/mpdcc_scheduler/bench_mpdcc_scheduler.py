@@ -167,6 +167,10 @@ async def random_searches(dut) -> None:
 
     for n in range(given["decisions"]):
         array, row, s_prev = situation(rng, generator, variant, 1.5 if inwards else 0.7)
+        off_limits = inwards and n % 6 == 5
+        if off_limits:  # a current far outside
+            row = [*row]
+            row[0], row[9] = rng.choice([(-32768, 32767), (32767, -32768)])
         node, limits = (
             plain_states.plain_node(array, row, variant),
             plain_states.plain_limits(array),
@@ -178,7 +182,7 @@ async def random_searches(dut) -> None:
         # the fast explorers' probe is about the currents alone
         ends = zip(plain.after_one(node, s_prev)[3:], limits.bounds[3:], strict=True)
         lines = all(abs(e) <= bound for e, bound in ends)
-        says_held = rng.random() < (0.4 if fast else 0.2)
+        says_held = rng.random() < (0.9 if off_limits else 0.4 if fast else 0.2)
         held = says_held and (lines or not fast)
         board.cover("held by currents alone", int(says_held and not held))
         slowness = rng.choice([1, 4, 40])
@@ -319,6 +323,8 @@ async def random_searches(dut) -> None:
         if held:
             want = plain_decision(s_prev, 1, 0, 0, node.saturated)
             board.check("clocks from the probe", k - answered_at, FROM_PROBE[variant])
+            far = plain.too_far(node, limits) and not node.saturated
+            board.cover("held far outside", int(far))
         else:
             board.check("every candidate was given out", given_out, len(handed))
             best = min(taken, key=lambda a: a.key)

@@ -68,9 +68,10 @@ def test_the_earliest_of_the_best_wins(explorers: int, variant: str) -> None:
 
 @pytest.mark.parametrize("explorers", [1, 3])
 def test_the_band_is_that_of_the_rule_inwards(explorers: int) -> None:
-    found = bench(explorers, "fast", inwards=True)
+    found = bench(explorers, "fast", 144, inwards=True)
     print(found)
-    for event, least in (("from outside", 20), ("held", 3), ("searched", 30), ("reset", 3)):
+    wanted = {"from outside": 20, "held": 3, "held far outside": 2, "searched": 30, "reset": 3}
+    for event, least in wanted.items():
         assert found.covered.get(event, 0) >= least, event
 
 
@@ -119,6 +120,7 @@ INWARD_FAULTS = [
         "nearer := node.error(x);",
         r"band limit:",
     ),
+    Fault("mpdcc_scheduler", "(far and not hold)", "far", r"decision:"),
     Fault("turn_threshold", "choose(INWARDS, 1, 2)", "2", r"band turn:"),
     Fault("node_preparation", "and not overflows(node.error(x), BASE_WIDTH)", "", r"band outside:"),
 ]
@@ -126,10 +128,10 @@ INWARD_FAULTS = [
 
 @pytest.mark.parametrize("fault", INWARD_FAULTS, ids=str)
 def test_a_fault_is_seen_inwards(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(3, "fast", decisions=60, rtl=rtl, inwards=True))
+    assert_seen(fault, tmp_path, lambda rtl: bench(3, "fast", decisions=72, rtl=rtl, inwards=True))
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:
     bench(3, "paper", decisions=40, rtl=RTL)
     bench(3, "fast", decisions=40, rtl=RTL)
-    bench(3, "fast", decisions=60, rtl=RTL, inwards=True)
+    bench(3, "fast", decisions=72, rtl=RTL, inwards=True)
