@@ -32,6 +32,7 @@ from directmpc.host.link import Link, LinkError, SerialStream
 from directmpc.host.protocol import Controller, Decision, Flag, Identity, Outcome
 from directmpc.host.reference import LinkModel
 from directmpc.host.registers import registers_of, values
+from directmpc.host.self_test import SelfTestError, self_test
 from directmpc.mpdcc import cycles
 from scripts import __main__ as program
 from scripts.commands import virtual_board as virtual_board_command
@@ -512,6 +513,39 @@ def test_monitor_writes_csv(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
 # ---------------------------------------------------------------------------------------------
 # On a virtual board
 # ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("controller", "count"), [("mptc", 6), ("mpdcc", 8)])
+def test_every_trip_that_needs_no_gate_comes_when_it_is_provoked(
+    controller: str, count: int, tmp_path: Path
+) -> None:
+    drive = MPTC if controller == "mptc" else "anpc5l_6kv"
+    with (
+        VirtualBoard(generics(controller), tmp_path / "board", tmp_path / "gates.csv") as running,
+        Board(running.port) as board,
+    ):
+        board.load(drive)
+        before = [board.read(f"guard.{name}") for name in ("decision_limit", "watchdog")]
+        assert len(self_test(board)) == count
+        after = [board.read(f"guard.{name}") for name in ("decision_limit", "watchdog")]
+        assert after == before
+        assert board.start() == ()  # nothing is latched, and the drive runs
+    assert not any(gates_over_time(tmp_path / "gates.csv"))
+
+
+def test_a_trip_that_does_not_come_is_named() -> None:
+    model = Rehearsal()
+    with board_of(model) as board:
+        board.load(MPTC)
+        with pytest.raises(SelfTestError, match=r"over_current with is_alpha .*; missing with a"):
+            self_test(board)
+        assert model.words[ADDRESSES["guard.watchdog"]] == LONGEST_TIME
+        model.words[ADDRESSES["system.faults"]] = 1
+    with board_of(Rehearsal(fault=1)) as board:
+        board.load(MPTC)
+        board.write("system.control", enable=1)
+        with pytest.raises(SelfTestError, match=r"over_current .*found: external_trip"):
+            self_test(board)
 
 
 ENDING = (

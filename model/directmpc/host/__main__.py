@@ -38,6 +38,7 @@ from directmpc.host.console import (
 from directmpc.host.link import LinkError, RefusedError
 from directmpc.host.protocol import Outcome
 from directmpc.host.registers import GUARD_TIMES
+from directmpc.host.self_test import SelfTestError, self_test
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import write_decisions
 from directmpc.mptc.drive import MptcDrive
@@ -111,6 +112,13 @@ def _load(
 def load(board: Board, console: Console, given: argparse.Namespace) -> int:
     """Write a drive file's registers, commit them and read them back."""
     _load(board, console, load_core_drive(given.drive), given)
+    return 0
+
+
+def test(board: Board, console: Console, given: argparse.Namespace) -> int:
+    """Load a drive and provoke the guard's trips, with the gates off."""
+    load(board, console, given)
+    console.print(f"self-test: {', '.join(self_test(board))} came", highlight=False)
     return 0
 
 
@@ -279,6 +287,7 @@ DAY = 86_400
 COMMANDS = {
     "identify": identify,
     "load": load,
+    "self-test": test,
     "run": run,
     "monitor": monitor,
     "read": read,
@@ -306,7 +315,7 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--timeout", type=float, default=2.0, help="s to wait for a reply")
     commands = parser.add_subparsers(dest="command", required=True, parser_class=OneParagraphParser)
     commands.add_parser("identify")
-    for name in ("load", "run"):
+    for name in ("load", "self-test", "run"):
         command = commands.add_parser(name)
         command.add_argument("drive", type=Path, help="drive file (TOML)")
         command.add_argument(
@@ -404,6 +413,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         RegisterError,
         TrippedError,
         DisabledError,
+        SelfTestError,
         ValueError,
         OSError,
     ) as error:

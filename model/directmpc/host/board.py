@@ -618,15 +618,25 @@ class Board:
             self.write_word(address, word)
         if differing := self.differing(found):
             raise RegisterError(f"{', '.join(differing)} did not keep what was written")
-        # a commit waits for the decision that is under way; its time here is that of the exchanges
-        status = self.read("system.status")
+        self.await_commit()
+        return len(writes)
+
+    def await_commit(self) -> None:
+        """Wait until what was committed is in force: a decision that is under way ends before.
+
+        Raises
+        ------
+        LinkError
+            If the board does not answer.
+        RegisterError
+            If the guard's settings do not come into force.
+        """
         for _ in range(_COMMIT_READS):
+            status = self.read("system.status")
             if not status["commit_pending"]:
                 break
-            status = self.read("system.status")
         if status["commit_pending"] or not status["in_force"]:
             raise RegisterError("the guard's settings did not come into force")
-        return len(writes)
 
     def _check_controller(self, controller: str) -> None:
         if controller != self.controller:
