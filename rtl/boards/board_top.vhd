@@ -16,7 +16,7 @@
 --
 -- Formats: see host_link. Latency: see host_link, controller and gate guard.
 -- Overflow: none.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

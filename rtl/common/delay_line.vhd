@@ -7,7 +7,7 @@
 -- Latency: CLOCKS clocks; initiation interval one clock.
 -- Overflow: none. What comes out before CLOCKS clocks have passed since power-up is void; what a
 -- word means has to travel beside it (a valid flag that is reset).
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -13,7 +13,7 @@
 -- part that does not depend on the caller is asserted.
 -- Differs from the paper: its adder is 16 bits wide.  Sums here are kept whole and rounded once,
 -- which costs 24 LUTs a block and removes one rounding error per product.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -10,7 +10,7 @@
 -- A stop and a start may take several steps, a dead time apart: gates at the rails go off first and come on last.  All
 -- gates off in one clock would put up to 2.6 times its rating on S5 or S8 of an ANPC leg.  A two-level leg needs one.
 -- A start may lead through a position: that of an NPC leg goes by the neutral point.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

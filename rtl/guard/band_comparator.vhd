@@ -12,7 +12,7 @@
 -- Latency: the outputs are up three clocks after measured, for one clock, as those of trip_comparator.  Limits are read
 -- with measured, running and frozen_limit a clock later.  Interval: one clock.
 -- Overflow: none; the count stops at its end.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -13,7 +13,7 @@
 -- Overflow: none; the count stops at LONGEST.
 -- Power-up: alive is '0'; there is no reset.
 -- Constraints: the path from clk to the first stage of i_sync_bits is a false path.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

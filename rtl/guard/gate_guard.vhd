@@ -22,7 +22,7 @@
 -- legs are off 3 dead times later at most, those of two-level legs with the first ones. All gates are off one
 -- clock after rst.
 -- Overflow: none.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

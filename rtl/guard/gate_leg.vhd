@@ -23,7 +23,7 @@
 -- differs in a bit; times in clocks, at least 1, stable while the leg is not stopped.
 -- Latency: gates move two clocks after decided when the leg has rested; one clock after stop, if one at a rail is on.
 -- Overflow: none; the counter stops at zero.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

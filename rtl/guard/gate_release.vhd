@@ -16,7 +16,7 @@
 -- Overflow: none.
 -- Power-up: off.
 -- Constraints: permit is asynchronous; its paths are false paths.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -21,7 +21,7 @@
 -- each decision.
 -- Latency: stop, kill and forget are combinational; faults one clock.
 -- Overflow: none; counters stop at their ends.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

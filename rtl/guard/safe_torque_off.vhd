@@ -19,7 +19,7 @@
 -- Overflow: none; counts stop at their ends.
 -- Power-up: off.
 -- Constraints: channels are asynchronous; their paths are false paths.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -14,7 +14,7 @@
 -- Latency: the outputs are up three clocks after measured, for one clock.  The limits of the dc-link are read with
 -- measured, the current limit two clocks later.  Interval: one clock.
 -- Overflow: none; the sums have all the bits they need.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

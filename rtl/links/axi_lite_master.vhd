@@ -10,7 +10,7 @@
 -- Overflow: none.  If the slave does not answer within LIMIT clocks of start, the access is given up with the
 -- response SLVERR. AXI cannot take it back: it stays on the bus until the slave has answered, its answer is dropped,
 -- and accesses until then are answered with SLVERR at once. The bus then goes on.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -5,7 +5,7 @@
 -- Formats: reflected CRC-32 of Ethernet and zlib, see docs/protocol.md.
 -- Latency: one clock from index to word.
 -- Overflow: none.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

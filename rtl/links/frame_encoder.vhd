@@ -6,7 +6,7 @@
 -- Formats: bytes; a frame of at most MAX_FRAME bytes, one COBS block at most.
 -- Latency: filled 6 clocks after the last byte came in.
 -- Overflow: none; the caller keeps to MAX_PAYLOAD.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -16,7 +16,7 @@
 -- Latency: pending or rejected two to four clocks after the delimiter's valid; a byte of each link in every fourth
 -- clock at most. content two clocks after address.
 -- Overflow: see the checks; bytes beyond MAX_FRAME are counted nowhere and written nowhere.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -8,7 +8,7 @@
 -- Latency: offered one clock after filled. next_out is that of a new place within four clocks, so the line takes a
 -- byte in every fifth clock at most.
 -- Overflow: none.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -3,7 +3,7 @@
 -- Formats: bytes; a frame of at most MAX_FRAME bytes.
 -- Latency: offered 7 clocks after the last byte came in; a byte of a link in every fifth clock at most.
 -- Overflow: none; the caller keeps to MAX_PAYLOAD, and begins no frame while busy.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

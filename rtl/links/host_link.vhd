@@ -7,7 +7,7 @@
 -- Formats: see link_executor for the steps, docs/protocol.md for the frames.
 -- Latency: see link_executor; a frame of n payload bytes is n + 13 bytes on the line.
 -- Overflow: none; see frame_receiver and link_executor for what is refused.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -22,7 +22,7 @@
 -- link's request before it a request is served within 256.
 -- Overflow: none. A core without an answer after DECISION_LIMIT clocks gives a reply that says so, with
 -- no decision in it.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

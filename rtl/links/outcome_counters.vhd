@@ -8,7 +8,7 @@
 -- Latency: a count shows at most twelve clocks after it. Each source counts once in twelve clocks at most, which frames
 -- of at least two bytes keep. A look is answered at most twelve clocks after it began, 40 after a reset.
 -- Overflow: a counter stays at its largest value.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -8,7 +8,7 @@
 -- ask for the one after it.
 -- Latency: the first byte four clocks after begins, then a byte a clock; that of a counter four after it is shown.
 -- Overflow: none.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -15,7 +15,7 @@
 -- Formats: frames as in docs/protocol.md. measurements and position are the payload of a STEP, first word lowest.
 -- Latency: outcome is valid in the clock after the last byte. A number counts in the second clock after acted.
 -- Overflow: none; a payload has at most as many bytes as a frame.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -15,7 +15,7 @@
 -- Overflow: none; bits of a byte that CS_n cuts off are dropped, and ended says that CS_n went up.
 -- Constraints: SCK is a clock; paths between it and clk are false paths, the holding registers are
 -- stable by the protocol above.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -6,7 +6,7 @@
 -- Formats: decision as in the STEP reply of docs/protocol.md.
 -- Latency: step_start one clock after start; done two clocks after decision_valid.
 -- Overflow: none; start comes only while not waiting.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -6,7 +6,7 @@
 -- Latency: valid or broken 3 clocks after the middle of the stop bit; a byte every ten bits.
 -- Overflow: a stop bit that is low gives broken instead of valid; the next start bit is looked for only
 -- after the line has been high again, so a line held low is one broken byte.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

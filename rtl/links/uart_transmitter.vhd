@@ -6,7 +6,7 @@
 -- Latency: the start bit begins at the next bit clock after taken, less than a bit away; a byte every
 -- ten bits while valid stays.
 -- Overflow: none; a byte waits until it is taken.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

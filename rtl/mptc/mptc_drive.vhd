@@ -13,7 +13,7 @@
 -- start may come with valid.  Five multipliers.
 -- Overflow: saturates and sets saturated; nothing wraps.  While pre-excitation decides, what the core
 -- makes of a machine without flux (saturated, clamped) is left out.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

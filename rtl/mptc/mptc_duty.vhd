@@ -12,7 +12,7 @@
 -- unsigned, 1/4096 of the period, cut off.
 -- Latency: duty is given in clock DUTY_CLOCKS after load, with mean in clock ROOT_CLOCKS, in that clock only.
 -- Overflow: none where error is in its range; else duty means nothing.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -16,7 +16,7 @@
 -- Latency: 5 clocks, initiation interval one clock.  Nothing holds the stages.
 -- Overflow: none inside for components up to 1.5; a difference of 2 and more saturates, overflow says so.
 -- y gets one bit narrower with each rotation, as its bound allows.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -37,7 +37,7 @@
 -- before the first place whose duty it tells is looked up, leader a clock after the first place is, product a clock
 -- after the flux. begin_pairs comes FIRST_PAIR clocks or more after the end of the decision before.
 -- Overflow: none here; a distance that does not fit is flagged by mptc_vector_stream.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -10,7 +10,7 @@
 -- the flux, 15 bits unsigned.
 -- Latency: valid 11 clocks after start, always; one mac_block, one multiplier.
 -- Overflow: none: sums of three squares of 18 bits fit the accumulator.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

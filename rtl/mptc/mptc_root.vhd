@@ -7,7 +7,7 @@
 -- Latency: root is stable ROOT_WIDTH clocks after the clock of load and stays until the next load; a
 -- load at any time begins anew.
 -- Overflow: none.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

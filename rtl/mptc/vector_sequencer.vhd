@@ -19,7 +19,7 @@
 -- come in any clock.
 -- Overflow: where t1 + t2 is above 4096, the period's end cuts what is in front of it, and invalid is set.  The phase
 -- stops at its end.  A start before the end sets early: rate is too small, or start too early.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

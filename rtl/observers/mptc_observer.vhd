@@ -15,7 +15,7 @@
 -- word: the innovation adds a few millionths of the state in a step.
 -- Latency: valid 39 clocks after start, always.  One multiplier.
 -- Overflow: states, words and ports saturate and set saturated; nothing wraps.  A reset clears the state.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -20,7 +20,7 @@
 -- Latency: speed_valid 22, valid 48 clocks after start, always.  One multiplier.
 -- Overflow: states, words, eps and ports saturate and set saturated; nothing wraps.  So do times above one period, of
 -- which u3 has all then.  eps may do so while an estimate begins.  A reset clears the states.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

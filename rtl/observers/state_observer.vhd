@@ -28,7 +28,7 @@
 -- Overflow: values saturate and set their part's flag; a state that saturates after valid sets saturated of the next
 -- step, a scaled coefficient sets clipped.  A step that would take theta out of its limits leaves it, and is no
 -- overflow.  Nothing wraps.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

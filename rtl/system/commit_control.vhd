@@ -9,7 +9,7 @@
 -- Formats: single bits; the count wraps.
 -- Latency: load one clock after the request when nothing decides.
 -- Overflow: requests that come while one waits are one with it.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -4,7 +4,7 @@
 -- Formats: 16 bits of cycles, which stop at their end; 32 bits of decisions, which wrap.
 -- Latency: one clock after valid.
 -- Overflow: as said; a start without a valid is not counted.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

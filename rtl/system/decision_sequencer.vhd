@@ -7,7 +7,7 @@
 --
 -- Formats: none. Latency: go one clock after start; load as commit_control's.
 -- Overflow: none; a start that comes too early is dropped and flagged.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

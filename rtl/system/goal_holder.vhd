@@ -10,7 +10,7 @@
 -- Latency: goal in the clock of wanted, decided one clock later, as gate_guard takes them; two clocks at least from one
 -- goal to the next.
 -- Overflow: none.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

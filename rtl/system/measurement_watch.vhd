@@ -7,7 +7,7 @@
 -- Formats: byte addresses; the registers are words from MEASUREMENT_BLOCK on.
 -- Latency: fresh in the clock after begins, until the next one.
 -- Overflow: none.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

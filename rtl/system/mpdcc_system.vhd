@@ -23,7 +23,7 @@
 -- With LEAKAGE_ESTIMATE a commit is pending for 20 clocks more, in which no decision goes on; nor does it, with l_mode,
 -- within 78 clocks after the last one has, 86 with the filters, or 19 after the last decision.
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

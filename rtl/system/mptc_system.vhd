@@ -18,7 +18,7 @@
 -- guard has a vector's goal 6 clocks after its begin in the period, where no leg has to wait; that of the first vector
 -- of a period so too.
 -- Overflow: values saturate and set flags; a start while busy is ignored and sets a flag.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

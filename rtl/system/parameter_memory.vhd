@@ -18,7 +18,7 @@
 -- load on, for 67 clocks, unless words are in use, behind rst for 66; one more for each access, which goes first. taken
 -- is up in the last of them: all words are in force in the next.
 -- Overflow: none; bits that a word does not have are dropped.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

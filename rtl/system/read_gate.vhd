@@ -6,7 +6,7 @@
 -- Latency: an address passes in its clock, data comes a clock later than the registers have it. A read every second
 -- clock after the data of the one before at best.
 -- Overflow: none.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

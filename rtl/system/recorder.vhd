@@ -17,7 +17,7 @@
 -- write's response one.
 -- Overflow: the oldest record is written over. The row of the next one is that under way, so one less than all can be
 -- read. A step of which decided comes less than INPUTS + RESULTS + 4 clocks after begins may be left out.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -10,7 +10,7 @@
 -- Latency: none for a write that passes, and a clock for its response; a refused one has its response in the next
 -- clock. A write every second clock after its response at best.
 -- Overflow: none.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

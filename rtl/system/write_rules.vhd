@@ -19,7 +19,7 @@
 -- Formats: byte addresses; blocks of registers as in directmpc_system_registers_pkg.
 -- Latency: none; a setting counts as uncommitted from the clock after its write.
 -- Overflow: none.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -186,7 +186,7 @@ What is outside its bound at k makes a candidate dead.  With outside_inwards (IN
 followed while it comes back, see docs/specification.md, section 2.4.  It takes no clock more.
 Overflow: saturates and sets saturated; nothing wraps.
 FOLDED = true excludes SECOND_LEVEL, WEIGHTED_DEADLOCK and INWARDS; elaboration fails with one.
-Considered and rejected: docs/alternatives.md.""",
+Considered and rejected: rtl/alternatives.md.""",
     packages=("anpc5l_leg", "directmpc_constants", "mpdcc_types"),
     generics=(
         ("EXPLORERS", "positive range 1 to 8", "2", "number of explorers"),
@@ -415,7 +415,7 @@ Corners: with all costs equal the lowest number wins. Without rotor flux MPFC ta
 alpha, an angle of zero, so that a start from zero flux moves.
 FLUX_CONTROL = false leaves MPFC out; the core then ignores method_mpfc.
 mptc_family_core has MPTC1, MPTC2 and GTV, which apply two vectors a period, too.
-Considered and rejected: docs/alternatives.md.""",
+Considered and rejected: rtl/alternatives.md.""",
     packages=("mptc_constants", "mptc_types"),
     generics=(("FLUX_CONTROL", "boolean", "true", "true: MPFC can be chosen at run time"),),
     groups=(*_MPTC_INPUTS, *_MPTC_DECISION),
@@ -459,7 +459,7 @@ Latency: valid 39 clocks after start for MPTC, 78 for MPFC, 54 for MPTC1, 73 for
 decision at a time; the next start may come with valid.
 Overflow: saturates and sets saturated; nothing wraps. A duty is limited to 0 and 4095/4096.
 Where t1 + t2 is above 4096, u3 counts for the whole period and saturated is set.
-Considered and rejected: docs/alternatives.md.""",
+Considered and rejected: rtl/alternatives.md.""",
     packages=("mptc_constants", "mptc_types"),
     generics=(),
     groups=(

@@ -4,7 +4,7 @@ A search that widens each bound to what starts beyond it, max(bound, |start|), k
 alive that does not go further out. Hold test and deadlock criterion are unchanged.
 
 ``python -m scripts robustness`` runs both rules in closed loops of the ideal controller on the
-shipped drives, and writes ``reports/outside_rules.csv``, one row per loop. docs/alternatives.md
+shipped drives, and writes ``reports/outside_rules.csv``, one row per loop. rtl/alternatives.md
 says what was found.
 """
 

@@ -6,7 +6,7 @@ names of the library, the clocks that the budgets hold, the paths of reports/met
 docs/commands.md has every make target; docs/positions.md has the table of the inverter; the
 example of docs/drive-file.md gives the shipped 6 kV drive; docs/equations.md names every entity,
 package and module, and nothing that does not exist; no dead link or anchor in any page, no path
-of a file that does not exist; docs/README.md lists every page; docs/alternatives.md has a row
+of a file that does not exist; docs/README.md lists every page; rtl/alternatives.md has a row
 for each header that refers to it.
 Does not prove: that a sentence is right.
 """
@@ -361,7 +361,7 @@ def test_the_equations_lead_somewhere() -> None:
 
 
 def test_alternatives_and_headers_lead_to_each_other() -> None:
-    page = DOCS / "alternatives.md"
+    page = ROOT / "rtl" / "alternatives.md"
     text = page.read_text(encoding="utf-8")
     named = set(re.findall(r"^\| `(\w+)` \|", text, re.M))
     entities, packages = units()

@@ -219,7 +219,8 @@ TABLES_ELSEWHERE = {
 
 
 def pages() -> dict[str, str]:
-    found = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted(REPORTS.glob("*.md"))]
+    found = [ROOT / "README.md", ROOT / "rtl" / "alternatives.md"]
+    found += [*sorted(DOCS.glob("*.md")), *sorted(REPORTS.glob("*.md"))]
     return {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in found}
 
 
@@ -591,7 +592,7 @@ SAID: dict[str, list[Said]] = {
             f"{(m := states.shipped(name).machine).xm / (2 * m.d):.2f}"
             for name in states.SHIPPED)),
     ],
-    "docs/alternatives.md": [
+    "rtl/alternatives.md": [
         ("by {} % without filters and {} % with filters of 1/16, the rule inwards by {} and {} % "
          "(means of {} points)",
          lambda: (*(f"{change_of_outside(rule, gain):+.1f}" for rule in ("widened", "inwards")

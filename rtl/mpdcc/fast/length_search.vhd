@@ -21,7 +21,7 @@
 -- Latency: LENGTH_STAGE - SLOPE_STAGE clocks from the slopes; one candidate a clock.
 -- Overflow: a step that does not fit is outside. A slope beyond START_SLOPE_WIDTH leaves in one step: the
 -- candidate is dead by allowed, whatever is searched.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

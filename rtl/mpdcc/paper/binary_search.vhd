@@ -13,7 +13,7 @@
 -- Differs from the listing: (25b) says x*l <= y where the listing tests '<'; c starts at a power
 -- of two above the horizon, as halving is wrong for any other, and the result is capped instead;
 -- b + c <= y is tested as c <= y - b, one carry chain instead of two.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -19,7 +19,7 @@
 -- J_dl, less with an exit; a probe takes at most 13 clocks.
 -- Overflow: trajectories cannot (a model test proves the ranges); |slope| is clipped at the search
 -- width, which is at least twice any bound; sqrt(lambda_n)*v_n saturates and flags.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -9,7 +9,7 @@
 -- Latency: the first candidate is valid two clocks after start; one per clock while ready is '1'.
 -- done rises with the clock in which the last candidate is taken and stays until the next start.
 -- Overflow: none; the tables' sums are checked against EFFORT_WIDTH where they are generated.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

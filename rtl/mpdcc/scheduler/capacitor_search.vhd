@@ -21,7 +21,7 @@
 -- Rule inwards (INWARDS, chosen with limits.outside_inwards): a line that starts outside and moves inwards
 -- has the length up to the bound on the other side, instead of none. What BASE_WIDTH bits do not hold has none.
 -- Overflow: none; abs(slope) has no more bits than a bound.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

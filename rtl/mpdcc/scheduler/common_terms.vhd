@@ -14,7 +14,7 @@
 -- and node.slope, which explorers read, change with successor.show_error and show_slope only.
 -- Overflow: results saturate and set saturated; with operands above the most negative code none
 -- does but weight_slope, and that only far outside any drive's range.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -19,7 +19,7 @@
 -- explorers and 1191 with more; compensate adds 30 clocks to a hold and 33 to a search.
 -- Overflow: saturation of a common term or of the chosen candidate's weight, and with the rule inwards an error too
 -- far outside to be followed, are flagged with the decision.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -9,7 +9,7 @@
 -- Latency: band but for turn with the node, turn 9 clocks after preparation.turn; table and held
 -- as in capacitor_search after preparation.capacitors.
 -- Overflow: margins are void where the error is outside at k; nothing reads them there.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

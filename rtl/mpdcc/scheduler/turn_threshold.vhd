@@ -17,7 +17,7 @@
 -- Latency: threshold is valid LENGTH_WIDTH + 1 clocks after start at the latest and stable until the next start.
 -- Overflow: none as long as the margins are those of an error inside its band, or with INWARDS of one outside on the
 -- side of sgn(c) that BASE_WIDTH bits hold; elsewhere the threshold is void (and unused).
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -10,7 +10,7 @@
 -- Latency: the first leaf comes two clocks after load, with launch; a node takes one clock for every
 -- EXPLORERS next positions of phase c, for every combination of phases a and b: 9 to 64.
 -- Overflow: none; two efforts fit TOTAL_EFFORT_WIDTH.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

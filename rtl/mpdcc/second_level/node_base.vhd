@@ -18,7 +18,7 @@
 -- this node has successors; unfit then tells the scheduler that no prediction is possible. Secants fit: how far a
 -- candidate can have moved in L1 steps is bounded, with the rule inwards too, and a prediction takes one step with
 -- slopes that fit (docs/evidence.md, Ranges).
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

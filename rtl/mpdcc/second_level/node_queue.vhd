@@ -13,7 +13,7 @@
 -- Formats: as evaluated_t and entry_t.
 -- Latency: an entry is shown three clocks after it can be, its slope four; the next one three clocks after taken.
 -- Overflow: none, there is room for all 64 candidates.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;

@@ -9,7 +9,7 @@
 -- Formats: as node_t and reached_t.
 -- Latency: one clock at the root; for a successor 1, 3, 4, 12, 13, 14 and 17 clocks from launch.
 -- Overflow: none.
--- Considered and rejected: docs/alternatives.md.
+-- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
 library ieee;
