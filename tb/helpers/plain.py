@@ -403,10 +403,10 @@ BAND_FIELDS = (
     ("margin_up", 3, f.MARGIN_WIDTH + 1),
     ("margin_down", 3, f.MARGIN_WIDTH + 1),
     ("outside", 1, 3),
+    ("limit", 3, f.BOUND_WIDTH),
     ("turn", 3, f.TURN_WIDTH),
     ("previous", 3, 3),
     ("negative", 1, 3),
-    ("limit", 3, f.BOUND_WIDTH),
 )
 
 

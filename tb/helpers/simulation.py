@@ -10,10 +10,8 @@ from pathlib import Path
 
 from scripts.hdl.ghdl import BenchError, execute
 from scripts.hdl.sources import RTL
+from tb.helpers.flat import Flat, wrapper
 from tb.helpers.variables import ARGUMENTS, RESULT
-
-#: Conversions between records and flat ports, for the wrappers of MPDCC's inner entities.
-MPDCC_FLAT = Path(__file__).resolve().parent / "mpdcc_flat.vhd"
 
 #: Variants of the explorer that the benches run, and the generic that selects each.
 VARIANTS: dict[str, dict[str, object]] = {
@@ -37,6 +35,7 @@ def run(
     *,
     units: Sequence[str],
     files: Sequence[Path] = (),
+    flat: Flat | None = None,
     generics: Mapping[str, object] | None = None,
     arguments: Mapping[str, object] | None = None,
     rtl: Path = RTL,
@@ -45,7 +44,8 @@ def run(
     """Run a bench that keeps a scoreboard and return what it counted.
 
     ``arguments`` reach the cocotb module through the environment, so that it never asks the
-    simulator for a generic.  A bench that counted no check has failed.
+    simulator for a generic.  A bench that counted no check has failed.  With ``flat`` the top is a
+    wrapper of that entity.
     """
     with tempfile.TemporaryDirectory(prefix="directmpc-bench-") as name:
         folder = Path(name)
@@ -54,6 +54,10 @@ def run(
             ARGUMENTS: json.dumps(dict(generics or {}) | dict(arguments or {})),
             RESULT: str(result),
         }
+        if flat is not None:
+            wrapped = folder / f"{top}_flat.vhd"
+            wrapped.write_text(wrapper(top, flat, rtl), encoding="utf-8")
+            top, files = f"{top}_flat", [*files, wrapped]
         execute(
             top,
             module,

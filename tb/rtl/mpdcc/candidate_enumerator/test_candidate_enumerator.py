@@ -18,17 +18,18 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
-from tb.helpers.simulation import MPDCC_FLAT, Outcome, run
+from tb.helpers.flat import Flat
+from tb.helpers.simulation import Outcome, run
 
-FILES = [MPDCC_FLAT, Path(__file__).with_name("candidate_enumerator_flat.vhd")]
+FLAT = Flat(whole=("candidate",))
 
 
 def bench(positions: int = 512, blocks: bool = False, rtl: Path = RTL) -> Outcome:
     return run(
-        "candidate_enumerator_flat",
+        "candidate_enumerator",
         "tb.rtl.mpdcc.candidate_enumerator.bench_candidate_enumerator",
         units=["candidate_enumerator"],
-        files=FILES,
+        flat=FLAT,
         generics={"BLOCKS": str(blocks).lower()},
         arguments={
             "seed": 5,

@@ -11,8 +11,7 @@ from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter as anpc
 from scripts.hdl.clocks import clocks_of
 from tb.helpers import plain
-from tb.helpers.mpdcc_ports import unpack_row
-from tb.helpers.scoreboard import Clock, Scoreboard, arguments, lowest_bit, number, word
+from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number, signed, word
 
 #: Clocks after start, as the entity's header declares.
 HELD = clocks_of("capacitor_search", "held")
@@ -96,7 +95,7 @@ async def random_nodes(dut) -> None:
     dut.start.value = dut.node.value = dut.limits.value = dut.previous.value = 0
     dut.successor.value = dut.bank.value = 0
     await clock.reset(8)
-    board.check("silent", lowest_bit(dut.entry), 0)
+    board.check("silent", number(dut.entry_write), 0)
     for n in range(given["nodes"]):
         # without the option the bit changes nothing
         node, limits = random_node(rng, int(rng.random() < 0.8))
@@ -122,17 +121,22 @@ async def random_nodes(dut) -> None:
         cut = rng.randrange(1, table.last) if rng.random() < 0.06 else 0
         seen: dict[int, tuple[int, int]] = {}
         for k in range(1, table.last + 1):
-            write = lowest_bit(dut.entry)
+            write = number(dut.entry_write)
             context = f"node {n}, clock {k}, s(k-1) {s_prev}, {table}"
             board.check("written", write, int(k > table.last - len(rows)), context)
             if write:
-                row, content = unpack_row(number(dut.entry))
+                row = number(dut.entry_row)
+                excess = signed(number(dut.entry_excess), f.TRAJECTORY_WIDTH)
+                content = (number(dut.entry_length), excess)
                 context += f", row {row}"
                 board.check("row once", row in rows and row not in seen, True, context)
                 board.check("row", content, rows.get(row), context)
-                board.check("bank", number(dut.of_bank), table.bank, context)
+                board.check("bank", number(dut.entry_bank), table.bank, context)
                 board.check(
-                    "inside", number(dut.is_inside), int(not beyond(node, limits, row)), context
+                    "inside",
+                    number(dut.entry_is_inside),
+                    int(not beyond(node, limits, row)),
+                    context,
                 )
                 if len(seen) == 3 and not table.successor:
                     board.check("s(k-1) first", row, 16 + pattern, context)
@@ -151,7 +155,7 @@ async def random_nodes(dut) -> None:
         if cut:
             await clock.reset(1)
             for _ in range(LAST_ROW):
-                board.check("silent after reset", lowest_bit(dut.entry), 0)
+                board.check("silent after reset", number(dut.entry_write), 0)
                 await clock.tick()
             board.cover("reset")
             continue
@@ -160,7 +164,7 @@ async def random_nodes(dut) -> None:
         board.cover("successor" if table.successor else "root")
         for _ in range(1 + rng.choice([0, 0, 4]) * given["throttle"]):
             await clock.tick()
-            board.check("no row without a start", lowest_bit(dut.entry), 0)
+            board.check("no row without a start", number(dut.entry_write), 0)
             board.check("held stays", number(dut.held), int(inside))
     least = 12 if given["successors"] else 15
     board.finish(

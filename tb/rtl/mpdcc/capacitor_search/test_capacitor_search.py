@@ -19,9 +19,10 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
-from tb.helpers.simulation import MPDCC_FLAT, Outcome, run
+from tb.helpers.flat import Flat
+from tb.helpers.simulation import Outcome, run
 
-FILES = [MPDCC_FLAT, Path(__file__).with_name("capacitor_search_flat.vhd")]
+FLAT = Flat(whole=("limits", "node"))
 
 
 def bench(
@@ -33,10 +34,10 @@ def bench(
     successors: bool = False,
 ) -> Outcome:
     return run(
-        "capacitor_search_flat",
+        "capacitor_search",
         "tb.rtl.mpdcc.capacitor_search.bench_capacitor_search",
         units=["capacitor_search"],
-        files=FILES,
+        flat=FLAT,
         generics={"INWARDS": str(inwards).lower(), "SECOND_LEVEL": str(successors).lower()},
         arguments={
             "seed": 6,

@@ -19,17 +19,22 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
-from tb.helpers.simulation import MPDCC_FLAT, VARIANTS, Outcome, run
+from tb.helpers.flat import Flat
+from tb.helpers.simulation import VARIANTS, Outcome, run
 
-FILES = [MPDCC_FLAT, Path(__file__).with_name("common_terms_flat.vhd")]
+FLAT = Flat(
+    whole=("node",),
+    bare=("operands", "progress"),
+    tied={"successor": "SUCCESSOR_NONE", "words": "open", "error_ahead": "open"},
+)
 
 
 def bench(variant: str, nodes: int = 600, rtl: Path = RTL) -> Outcome:
     return run(
-        "common_terms_flat",
+        "common_terms",
         "tb.rtl.mpdcc.common_terms.bench_common_terms",
         units=["common_terms"],
-        files=FILES,
+        flat=FLAT,
         generics=VARIANTS[variant],
         arguments={"seed": 3, "nodes": nodes, "variant": variant},
         rtl=rtl,

@@ -18,17 +18,23 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
-from tb.helpers.simulation import MPDCC_FLAT, Outcome, run
+from tb.helpers.flat import Flat
+from tb.helpers.simulation import Outcome, run
 
-FILES = [MPDCC_FLAT, Path(__file__).with_name("successors_flat.vhd")]
+FLAT = Flat(
+    whole=("node",),
+    bare=("operands", "progress", "successor"),
+    tied={"error_ahead": "open"},
+    fixed={"FOLDED": "false", "SECOND_LEVEL": "true"},
+)
 
 
 def bench(nodes: int = 120, rtl: Path = RTL) -> Outcome:
     return run(
-        "successors_flat",
+        "common_terms",
         "tb.rtl.mpdcc.common_terms.bench_successors",
         units=["common_terms"],
-        files=FILES,
+        flat=FLAT,
         arguments={"seed": 5, "nodes": nodes},
         rtl=rtl,
     )

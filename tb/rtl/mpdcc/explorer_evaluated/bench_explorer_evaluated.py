@@ -50,6 +50,7 @@ class Bench:
         dut.candidate_valid.value = dut.leaf_valid.value = 0
         dut.candidate.value = rng.getrandbits(20)
         dut.leaf_position.value = rng.getrandbits(9)
+        dut.leaf_bank.value = 0
         dut.leaf_effort.value = rng.getrandbits(f.TOTAL_EFFORT_WIDTH)
         dut.leaf_index.value = rng.getrandbits(f.INDEX_WIDTH)
         dut.capacitor.value = rng.getrandbits(CAPACITOR_BITS) & ~1
@@ -72,10 +73,10 @@ class Bench:
                 board.cover("unfit alone", int(sum(alone) == 1))
             want = sum(bits(s % (2 * FITS), f.BASE_WIDTH) << (x * f.BASE_WIDTH)
                        for x, s in enumerate(slopes))  # fmt: skip
-            board.check("slopes", number(dut.slopes), want, f"{slopes}")
+            board.check("slopes", number(dut.slope), want, f"{slopes}")
             if at is not None:
                 board.check("clock of the slopes", now, at)
-        if number(dut.costed):
+        if number(dut.valid):
             board.check("a cost is asked for", bool(self.costs), True)
             index, effort, wanted, at = self.costs.popleft()
             board.check("place", number(dut.index), index)

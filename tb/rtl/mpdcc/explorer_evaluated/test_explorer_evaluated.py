@@ -17,17 +17,23 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
-from tb.helpers.simulation import MPDCC_FLAT, Outcome, run
+from tb.helpers.flat import Flat
+from tb.helpers.simulation import Outcome, run
 
-FILES = [MPDCC_FLAT, Path(__file__).with_name("explorer_evaluated_flat.vhd")]
+FLAT = Flat(
+    whole=("limits", "node", "band", "capacitor", "candidate"),
+    bare=("evaluated",),
+    tied={"probe_held": "open", "result_ready": "'1'", "result": "open", "reached": "REACHED_INIT"},
+    fixed={"SECOND_LEVEL": "true"},
+)
 
 
 def bench(nodes: int = 60, throttle: float = 0.0, rtl: Path = RTL) -> Outcome:
     return run(
-        "explorer_evaluated_flat",
+        "explorer_fast",
         "tb.rtl.mpdcc.explorer_evaluated.bench_explorer_evaluated",
         units=["explorer_fast"],
-        files=FILES,
+        flat=FLAT,
         arguments={"seed": 4, "nodes": nodes, "throttle": throttle},
         rtl=rtl,
     )

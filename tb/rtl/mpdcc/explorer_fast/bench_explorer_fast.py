@@ -137,7 +137,7 @@ class Bench:
         """Idle inputs and a reset."""
         for name in (
             "candidate_valid", "result_ready", "best_valid", "best_cost", "candidate", "limits",
-            "node", "band", "capacitor", "last",
+            "node", "band", "capacitor", "last", "leaf_valid", "leaf", "reached",
         ):  # fmt: skip
             getattr(self.dut, name).value = 0
         await self.clock.reset(3)

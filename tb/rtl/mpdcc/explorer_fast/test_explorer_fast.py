@@ -22,9 +22,10 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
-from tb.helpers.simulation import MPDCC_FLAT, VARIANTS, Outcome, run
+from tb.helpers.flat import Flat
+from tb.helpers.simulation import VARIANTS, Outcome, run
 
-FILES = [MPDCC_FLAT, Path(__file__).parents[1] / "mpdcc_explorer" / "mpdcc_explorer_flat.vhd"]
+FLAT = Flat(whole=("limits",), bare=("broadcast", "assignment", "answer"))
 
 
 def bench(
@@ -36,10 +37,10 @@ def bench(
     inwards: bool = False,
 ) -> Outcome:
     return run(
-        "mpdcc_explorer_flat",
+        "mpdcc_explorer",
         "tb.rtl.mpdcc.explorer_fast.bench_explorer_fast",
         units=["mpdcc_explorer"],
-        files=FILES,
+        flat=FLAT,
         generics=VARIANTS["fast"]
         | {"WEIGHTED_DEADLOCK": str(weighted).lower(), "INWARDS": str(inwards).lower()},
         arguments={

@@ -17,17 +17,18 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
-from tb.helpers.simulation import MPDCC_FLAT, VARIANTS, Outcome, run
+from tb.helpers.flat import Flat
+from tb.helpers.simulation import VARIANTS, Outcome, run
 
-FILES = [MPDCC_FLAT, Path(__file__).parents[1] / "mpdcc_explorer" / "mpdcc_explorer_flat.vhd"]
+FLAT = Flat(whole=("limits",), bare=("broadcast", "assignment", "answer"))
 
 
 def bench(nodes: int = 60, rtl: Path = RTL) -> Outcome:
     return run(
-        "mpdcc_explorer_flat",
+        "mpdcc_explorer",
         "tb.rtl.mpdcc.explorer_paper.bench_explorer_paper",
         units=["mpdcc_explorer"],
-        files=FILES,
+        flat=FLAT,
         generics=VARIANTS["paper"],
         arguments={"seed": 3, "nodes": nodes},
         rtl=rtl,

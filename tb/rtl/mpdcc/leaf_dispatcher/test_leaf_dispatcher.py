@@ -17,17 +17,18 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
-FILES = [Path(__file__).with_name("leaf_dispatcher_flat.vhd")]
+FLAT = Flat(whole=("leaf",), bare=("visit",))
 
 
 def bench(explorers: int, nodes: int = 60, throttle: float = 0.0, rtl: Path = RTL) -> Outcome:
     return run(
-        "leaf_dispatcher_flat",
+        "leaf_dispatcher",
         "tb.rtl.mpdcc.leaf_dispatcher.bench_leaf_dispatcher",
         units=["leaf_dispatcher"],
-        files=FILES,
+        flat=FLAT,
         generics={"EXPLORERS": explorers},
         arguments={"seed": 3, "nodes": nodes, "throttle": throttle},
         rtl=rtl,

@@ -37,7 +37,7 @@ class Exits:
     """Counts the early exits inside the paper's variant, seen from its searches."""
 
     def __init__(self, dut, board: Scoreboard) -> None:
-        inner = dut.i_explorer.g_paper.i_explorer
+        inner = dut.i_own.g_paper.i_explorer
         self.handles = (inner.search_start, inner.search_done, inner.search_below)
         self.board = board
         self.begun = [0, 0]  # searches begun one and two clocks ago

@@ -20,18 +20,19 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
-from tb.helpers.simulation import MPDCC_FLAT, VARIANTS, Outcome, run
+from tb.helpers.flat import Flat
+from tb.helpers.simulation import VARIANTS, Outcome, run
 from tb.rtl.mpdcc.mpdcc_explorer.bench_mpdcc_explorer import INTERVAL, INTERVAL_DEAD, LATENCY, PROBE
 
-FILES = [MPDCC_FLAT, Path(__file__).with_name("mpdcc_explorer_flat.vhd")]
+FLAT = Flat(whole=("limits",), bare=("broadcast", "assignment", "answer"))
 
 
 def bench(variant: str, nodes: int = 150, seed: int = 7, rtl: Path = RTL) -> Outcome:
     return run(
-        "mpdcc_explorer_flat",
+        "mpdcc_explorer",
         "tb.rtl.mpdcc.mpdcc_explorer.bench_mpdcc_explorer",
         units=["mpdcc_explorer"],
-        files=FILES,
+        flat=FLAT,
         generics=VARIANTS[variant],
         arguments={"variant": variant, "seed": seed, "nodes": nodes},
         rtl=rtl,

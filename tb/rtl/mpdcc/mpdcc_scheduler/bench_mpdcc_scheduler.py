@@ -159,8 +159,10 @@ async def random_searches(dut) -> None:
     generator = np.random.default_rng(given["seed"])
     board, clock = Scoreboard(), Clock(dut)
     for name in (
-        "start", "measurement", "previous", "limits", "coefficients", "candidate_ready",
-        "probe_done", "probe_held", "result_valid", "results", "explorer_busy",
+        "start", "measurement", "previous", "limits", "coefficients", "answers_candidate_ready",
+        "answers_probe_done", "answers_probe_held", "answers_result_valid", "answers_result",
+        "answers_busy", "answers_evaluated",
+        "options_two_switchings", "options_budget", "options_compensate",
     ):  # fmt: skip
         getattr(dut, name).value = 0
     await clock.reset(3)
@@ -215,8 +217,10 @@ async def random_searches(dut) -> None:
                 s_prev[0] | s_prev[1] << 3 | s_prev[2] << 6 if k == 0 else rng.getrandbits(9)
             )
             if cut is not None and k == cut:
-                dut.start.value = dut.candidate_ready.value = 0
-                dut.result_valid.value = dut.explorer_busy.value = dut.probe_done.value = 0
+                dut.start.value = dut.answers_candidate_ready.value = 0
+                dut.answers_result_valid.value = dut.answers_busy.value = (
+                    dut.answers_probe_done.value
+                ) = 0
                 await clock.reset(1)
                 for _ in range(20):
                     await clock.settle()
@@ -246,13 +250,13 @@ async def random_searches(dut) -> None:
             elif not probed:
                 busy_mask |= 1
             now = probe_due is not None and not probed and k >= probe_due
-            dut.probe_done.value = int(now)
-            dut.probe_held.value = int(says_held) if now else rng.randrange(2)
-            dut.candidate_ready.value = ready
-            dut.result_valid.value = valid_mask
+            dut.answers_probe_done.value = int(now)
+            dut.answers_probe_held.value = int(says_held) if now else rng.randrange(2)
+            dut.answers_candidate_ready.value = ready
+            dut.answers_result_valid.value = valid_mask
             if results != shown:
-                dut.results.value = shown = results
-            dut.explorer_busy.value = busy_mask
+                dut.answers_result.value = shown = results
+            dut.answers_busy.value = busy_mask
             await clock.settle()
             board.check("busy", number(dut.busy), int(k != 0 and number(dut.valid) == 0), f"{k}")
             offered = number(dut.candidate_valid)

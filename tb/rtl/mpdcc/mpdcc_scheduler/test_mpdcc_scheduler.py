@@ -21,19 +21,20 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
-from tb.helpers.simulation import MPDCC_FLAT, VARIANTS, Outcome, run
+from tb.helpers.flat import Flat
+from tb.helpers.simulation import VARIANTS, Outcome, run
 
-FILES = [MPDCC_FLAT, Path(__file__).with_name("mpdcc_scheduler_flat.vhd")]
+FLAT = Flat(whole=("measurement", "decision", "limits"), bare=("broadcast", "assignments"))
 
 
 def bench(
     explorers: int, variant: str, decisions: int = 120, rtl: Path = RTL, *, inwards: bool = False
 ) -> Outcome:
     return run(
-        "mpdcc_scheduler_flat",
+        "mpdcc_scheduler",
         "tb.rtl.mpdcc.mpdcc_scheduler.bench_mpdcc_scheduler",
         units=["mpdcc_scheduler"],
-        files=FILES,
+        flat=FLAT,
         generics={
             "EXPLORERS": explorers,
             "INWARDS": str(inwards).lower(),

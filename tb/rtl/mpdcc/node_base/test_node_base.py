@@ -16,17 +16,18 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
-FILES = [Path(__file__).with_name("node_base_flat.vhd")]
+FLAT = Flat()
 
 
 def bench(clocks: int = 1500, keeps: float = 0.3, rtl: Path = RTL) -> Outcome:
     return run(
-        "node_base_flat",
+        "node_base",
         "tb.rtl.mpdcc.node_base.bench_node_base",
         units=["node_base"],
-        files=FILES,
+        flat=FLAT,
         arguments={"seed": 3, "clocks": clocks, "keeps": keeps},
         rtl=rtl,
     )

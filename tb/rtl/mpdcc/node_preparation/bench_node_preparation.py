@@ -87,9 +87,9 @@ async def random_nodes(dut) -> None:
             dut.successor.value = successor if k == 3 else rng.randrange(2)
             dut.bank.value = bank if k == 3 else rng.randrange(2)
             await clock.settle()
-            if number(dut.row_write):
+            if number(dut.capacitor_write):
                 rows += 1
-                board.check("table", number(dut.row_bank), bank, f"node {n}, clock {k}")
+                board.check("table", number(dut.capacitor_bank), bank, f"node {n}, clock {k}")
             packed = number(dut.band) if None not in shown else None
             if packed is not None:
                 context = f"node {n}, clock {k}"

@@ -19,17 +19,23 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
-from tb.helpers.simulation import MPDCC_FLAT, Outcome, run
+from tb.helpers.flat import Flat
+from tb.helpers.simulation import Outcome, run
 
-FILES = [MPDCC_FLAT, Path(__file__).with_name("node_preparation_flat.vhd")]
+FLAT = Flat(
+    whole=("limits", "node", "band"),
+    bare=("preparation",),
+    tied={"ready": "open", "held": "open"},
+    fixed={"SECOND_LEVEL": "true"},
+)
 
 
 def bench(inwards: bool, nodes: int = 60, rtl: Path = RTL) -> Outcome:
     return run(
-        "node_preparation_flat",
+        "node_preparation",
         "tb.rtl.mpdcc.node_preparation.bench_node_preparation",
         units=["node_preparation"],
-        files=FILES,
+        flat=FLAT,
         generics={"INWARDS": str(inwards).lower()},
         arguments={"seed": 9, "nodes": nodes, "clocks": 60, "inwards": inwards},
         rtl=rtl,

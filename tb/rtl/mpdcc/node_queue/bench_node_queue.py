@@ -50,13 +50,13 @@ class Bench:
     def scramble(self) -> None:
         """Nothing is evaluated, put in or taken."""
         dut, rng = self.dut, self.rng
-        for name in ("slope_valid", "evaluated", "taken", "clear", "rst"):
+        for name in ("evaluated_slope_valid", "evaluated_valid", "taken", "clear", "rst"):
             getattr(dut, name).value = 0
-        dut.slope_index.value = rng.getrandbits(f.INDEX_WIDTH)
-        dut.slope.value = rng.getrandbits(SLOPE_BITS)
-        dut.index.value = rng.getrandbits(f.INDEX_WIDTH)
-        dut.effort.value = rng.randrange(EFFORTS)
-        dut.length.value = rng.getrandbits(f.LENGTH_WIDTH)
+        dut.evaluated_slope_index.value = rng.getrandbits(f.INDEX_WIDTH)
+        dut.evaluated_slope.value = rng.getrandbits(SLOPE_BITS)
+        dut.evaluated_index.value = rng.getrandbits(f.INDEX_WIDTH)
+        dut.evaluated_effort.value = rng.randrange(EFFORTS)
+        dut.evaluated_length.value = rng.getrandbits(f.LENGTH_WIDTH)
 
     async def evaluate(self, root: Root) -> None:
         """The candidates come, each some clocks after its slopes."""
@@ -73,18 +73,23 @@ class Bench:
             self.scramble()
             if slopes and rng.random() >= self.throttle:
                 place = slopes.pop(0)
-                dut.slope_valid.value = 1
-                dut.slope_index.value, dut.slope.value = place, root.slope[place]
+                dut.evaluated_slope_valid.value = 1
+                dut.evaluated_slope_index.value, dut.evaluated_slope.value = (
+                    place,
+                    root.slope[place],
+                )
                 behind.append(place)
             now = None
             if coming and coming[0] in behind[:-4] + (behind if not slopes else []):
                 now = coming.pop(0) if rng.random() >= self.throttle else None
             if now is not None:
-                dut.evaluated.value = 1
-                dut.index.value, dut.effort.value = now, root.effort[now]
-                dut.length.value = root.length[now]
+                dut.evaluated_valid.value = 1
+                dut.evaluated_index.value, dut.evaluated_effort.value = now, root.effort[now]
+                dut.evaluated_length.value = root.length[now]
             else:
-                dut.length.value = rng.choice([root.horizon, rng.getrandbits(f.LENGTH_WIDTH)])
+                dut.evaluated_length.value = rng.choice(
+                    [root.horizon, rng.getrandbits(f.LENGTH_WIDTH)]
+                )
             await self.clock.settle()
             whole = now is not None and root.length[now] == root.horizon
             board.check("whole", number(dut.whole), int(whole), f"{now}")
@@ -112,9 +117,9 @@ class Bench:
                 board.check("whole", number(dut.whole), 0, f"clock {k}")
                 await self.clock.edge()
                 self.scramble()
-                dut.evaluated.value = dut.slope_valid.value = rng.randrange(2)
+                dut.evaluated_valid.value = dut.evaluated_slope_valid.value = rng.randrange(2)
                 if rng.random() < 0.5:
-                    dut.length.value = root.horizon
+                    dut.evaluated_length.value = root.horizon
             wait = rng.randrange(1, 5) if rng.random() < self.throttle else 0
             for k in range(wait + 1):
                 dut.taken.value = int(k == wait)

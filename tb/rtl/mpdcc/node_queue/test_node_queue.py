@@ -17,17 +17,18 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
-FILES = [Path(__file__).with_name("node_queue_flat.vhd")]
+FLAT = Flat()
 
 
 def bench(roots: int = 25, throttle: float = 0.0, rtl: Path = RTL) -> Outcome:
     return run(
-        "node_queue_flat",
+        "node_queue",
         "tb.rtl.mpdcc.node_queue.bench_node_queue",
         units=["node_queue"],
-        files=FILES,
+        flat=FLAT,
         arguments={"seed": 11, "roots": roots, "throttle": throttle},
         rtl=rtl,
     )

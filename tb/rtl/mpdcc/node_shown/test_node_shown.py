@@ -18,17 +18,18 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
-from tb.helpers.simulation import MPDCC_FLAT, Outcome, run
+from tb.helpers.flat import Flat
+from tb.helpers.simulation import Outcome, run
 
-FILES = [MPDCC_FLAT, Path(__file__).with_name("node_shown_flat.vhd")]
+FLAT = Flat(whole=("node", "shown"))
 
 
 def bench(clocks: int = 2500, rtl: Path = RTL) -> Outcome:
     return run(
-        "node_shown_flat",
+        "node_shown",
         "tb.rtl.mpdcc.node_shown.bench_node_shown",
         units=["node_shown"],
-        files=FILES,
+        flat=FLAT,
         arguments={"seed": 2, "clocks": clocks},
         rtl=rtl,
     )

@@ -209,24 +209,24 @@ class Level:
             "advance": int(given.predict or want.begins is not None),
             "show_slope": int(slope_due or given.completed),
             "show_error": int(error_due or given.completed),
-            "prepare_lines": int(given.capacitors or given.completed or bool(lines)),
-            "prepare_turn": int(
+            "preparation_capacitors": int(given.capacitors or given.completed or bool(lines)),
+            "preparation_turn": int(
                 given.done or given.completed or any(one.at + TURN == now for one in for_leaves)
             ),
-            "prepare_show_turn": int(error_due or given.follow),
-            "settle": int(given.completed),
-            "cut": int(self.cut),
-            "over": int(not pending and now > self.active and (self.cut or self.empty)),
+            "preparation_show_turn": int(error_due or given.follow),
+            "level_settle": int(given.completed),
+            "level_cut": int(self.cut),
+            "level_over": int(not pending and now > self.active and (self.cut or self.empty)),
             "level_saturated": int(self.flag),
-            "whole": int(
+            "level_whole": int(
                 given.follow
                 and given.candidate is not None
                 and given.candidate.length == origin.horizon
             ),
         }
-        if want.outputs["prepare_lines"]:
-            want.outputs["prepare_successor"] = int(bool(lines))
-            want.outputs["prepare_bank"] = lines[0].table if lines else 0
+        if want.outputs["preparation_capacitors"]:
+            want.outputs["preparation_successor"] = int(bool(lines))
+            want.outputs["preparation_bank"] = lines[0].table if lines else 0
         if self.unfit is not None:
             want.outputs["level_unfit"] = int(self.unfit)
         return want
@@ -422,14 +422,19 @@ class Bench:
         dut.previous.value = sum(p << (3 * x) for x, p in enumerate(self.origin.previous))
         dut.horizon.value, dut.budget.value = self.origin.horizon, self.origin.budget
         place, slope = given.slope or (rng.randrange(64), [value(rng, 17) for _ in "ab"])
-        dut.slope_valid.value = int(given.slope is not None)
-        dut.slope_index.value, dut.slope.value = place, join(slope, f.BASE_WIDTH)
-        dut.unfit.value = int(given.unfit) if given.slope is not None else rng.getrandbits(1)
+        dut.evaluated_slope_valid.value = int(given.slope is not None)
+        dut.evaluated_slope_index.value, dut.evaluated_slope.value = (
+            place,
+            join(slope, f.BASE_WIDTH),
+        )
+        dut.evaluated_unfit.value = (
+            int(given.unfit) if given.slope is not None else rng.getrandbits(1)
+        )
         c = given.candidate
-        dut.evaluated.value = int(c is not None)
-        dut.index.value = rng.randrange(64) if c is None else c.place
-        dut.effort.value = rng.randrange(10) if c is None else c.effort
-        dut.length.value = (
+        dut.evaluated_valid.value = int(c is not None)
+        dut.evaluated_index.value = rng.randrange(64) if c is None else c.place
+        dut.evaluated_effort.value = rng.randrange(10) if c is None else c.effort
+        dut.evaluated_length.value = (
             rng.choice([self.origin.horizon, rng.randrange(64)]) if c is None else c.length
         )
 
@@ -479,7 +484,7 @@ class Bench:
         dut, board, since = self.dut, self.board, now - program.at
         context = f"clock {since} of {program}"
         if since == NATURAL_SLOPE:
-            packed = number(dut.slope_ahead)
+            packed = number(dut.slope)
             kept, words = self.level.kept.words, given.terms.words
             got = [packed >> (x * f.TERM_WIDTH) for x in range(2)]
             want = [kept[f"slope_{x}"] + 2 * words[f"bend_step_{x}"] for x in ("alpha", "beta")]
@@ -632,13 +637,13 @@ class Bench:
         nodes, budget, self.seen, quiet = root.nodes(), root.origin.budget, 0, 0
         while quiet < (DRAINED if nodes else 2):
             want = await self.tick("leaves")
-            quiet = quiet + 1 if want.outputs["over"] else 0
+            quiet = quiet + 1 if want.outputs["level_over"] else 0
         counts = [c.following for c in nodes]
         spent = list(itertools.accumulate(counts, initial=0))
         done = max(n for n, sum_so_far in enumerate(spent) if not budget or sum_so_far <= budget)
         cut = done < len(nodes)
         self.board.check("nodes", self.seen, done, f"{counts}, budget {budget}")
-        self.board.check("cut at the end", number(self.dut.cut), int(cut), f"budget {budget}")
+        self.board.check("cut at the end", number(self.dut.level_cut), int(cut), f"budget {budget}")
         self.board.longest("nodes", done)
         self.board.cover("search")
         self.board.cover("node", done)
@@ -706,7 +711,7 @@ async def random_decisions(dut) -> None:
     decisions = given["decisions"]
     bench.board.finish(
         {"advance": 80 * decisions, "operand": 20 * decisions, "leaf": 20 * decisions,
-         "shown": 80 * decisions, "length": 10 * decisions, "prepare_bank": decisions},
+         "shown": 80 * decisions, "length": 10 * decisions, "preparation_bank": decisions},
         {"predicted": 8, "not to be predicted": 2, "search": 10, "empty search": 1,
          "no budget": 1, "budget exactly enough": 2, "budget exactly spent": 1, "one too few": 2,
          "begun before the last is handed out": 20, "leaves without a gap": 20,

@@ -22,17 +22,18 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
-from tb.helpers.simulation import MPDCC_FLAT, Outcome, run
+from tb.helpers.flat import Flat
+from tb.helpers.simulation import Outcome, run
 
-FILES = [MPDCC_FLAT, Path(__file__).with_name("second_level_flat.vhd")]
+FLAT = Flat(whole=("node", "shown", "leaf"), bare=("phase", "origin", "terms", "successor"))
 
 
 def bench(explorers: int, decisions: int = 50, throttle: float = 0.0, rtl: Path = RTL) -> Outcome:
     return run(
-        "second_level_flat",
+        "second_level",
         "tb.rtl.mpdcc.second_level.bench_second_level",
         units=["second_level"],
-        files=FILES,
+        flat=FLAT,
         generics={"EXPLORERS": explorers},
         arguments={"seed": 5, "decisions": decisions, "throttle": throttle},
         rtl=rtl,
@@ -55,14 +56,14 @@ def test_everything_comes_in_its_clock(explorers: int, throttle: float) -> None:
 
 FAULTS = [
     Fault("second_level", "(r.pending = 1 and leaves", "(r.pending /= 1 and leaves", "advance:"),
-    Fault("second_level", "if (goes = '1') then", "if (true) then", "prepare_bank:"),
+    Fault("second_level", "if (goes = '1') then", "if (true) then", "preparation_bank:"),
     Fault("second_level", "if (completed_late = '1') then", "if (true) then", "level_saturated:"),
     Fault("second_level", "predicted_flag <= terms.overflowed;", "null;", "level_saturated:"),
     Fault("second_level", "- leaf_count;", "- leaf_count - 1;", "(advance|cut):"),
     Fault("second_level", "and phase.probing = '1'", "", "level_unfit:"),
     Fault("second_level", "waiting.bank     <= visit_table;", "waiting.bank <= '0';", "leaf:"),
     Fault("second_level", "if (follow = '1') then", "if (false) then", "v_n:"),
-    Fault("second_level", "r.pending      <= STATE_INIT.pending;", "null;", "over:"),
+    Fault("second_level", "r.pending      <= STATE_INIT.pending;", "null;", "level_over:"),
     Fault("second_level", "flagged <= terms.overflowed;", "flagged <= terms.saturated;", "flag:"),
 ]
 

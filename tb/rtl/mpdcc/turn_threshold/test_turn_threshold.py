@@ -18,19 +18,20 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
-FILES = [Path(__file__).with_name("turn_threshold_flat.vhd")]
+FLAT = Flat()
 
 
 def bench(
     thresholds: int = 1500, throttle: bool = False, rtl: Path = RTL, *, inwards: bool = True
 ) -> Outcome:
     return run(
-        "turn_threshold_flat",
+        "turn_threshold",
         "tb.rtl.mpdcc.turn_threshold.bench_turn_threshold",
         units=["turn_threshold"],
-        files=FILES,
+        flat=FLAT,
         generics={"INWARDS": str(inwards).lower()},
         arguments={
             "seed": 4,

@@ -22,17 +22,18 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
-FILES = [Path(__file__).with_name("mptc_choices_flat.vhd")]
+FLAT = Flat(bare=("missing",))
 
 
 def bench(tasks: int = 160, throttle: int = 0, rtl: Path = RTL) -> Outcome:
     return run(
-        "mptc_choices_flat",
+        "mptc_choices",
         "tb.rtl.mptc.mptc_choices.bench_mptc_choices",
         units=["mptc_choices"],
-        files=FILES,
+        flat=FLAT,
         arguments={"seed": 6, "tasks": tasks, "throttle": throttle},
         rtl=rtl,
     )

@@ -18,17 +18,18 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
-FILES = [Path(__file__).with_name("mptc_coordinates_flat.vhd")]
+FLAT = Flat(bare=("missing",))
 
 
 def bench(tasks: int = 300, throttle: int = 0, rtl: Path = RTL) -> Outcome:
     return run(
-        "mptc_coordinates_flat",
+        "mptc_coordinates",
         "tb.rtl.mptc.mptc_coordinates.bench_mptc_coordinates",
         units=["mptc_coordinates"],
-        files=FILES,
+        flat=FLAT,
         arguments={"seed": 8, "tasks": tasks, "throttle": throttle},
         rtl=rtl,
     )

@@ -15,17 +15,18 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
-FILES = [Path(__file__).with_name("mptc_flux_reference_flat.vhd")]
+FLAT = Flat(bare=("target",))
 
 
 def bench(references: int = 200, throttle: int = 0, rtl: Path = RTL) -> Outcome:
     return run(
-        "mptc_flux_reference_flat",
+        "mptc_flux_reference",
         "tb.rtl.mptc.mptc_flux_reference.bench_mptc_flux_reference",
         units=["mptc_flux_reference"],
-        files=FILES,
+        flat=FLAT,
         arguments={"seed": 5, "references": references, "throttle": throttle},
         rtl=rtl,
     )

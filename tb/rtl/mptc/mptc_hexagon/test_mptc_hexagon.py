@@ -18,17 +18,18 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
-FILES = [Path(__file__).with_name("mptc_hexagon_flat.vhd")]
+FLAT = Flat(bare=("chosen",))
 
 
 def bench(decisions: int = 180, throttle: int = 0, rtl: Path = RTL) -> Outcome:
     return run(
-        "mptc_hexagon_flat",
+        "mptc_hexagon",
         "tb.rtl.mptc.mptc_hexagon.bench_mptc_hexagon",
         units=["mptc_hexagon"],
-        files=FILES,
+        flat=FLAT,
         arguments={"seed": 9, "decisions": decisions, "throttle": throttle},
         rtl=rtl,
     )

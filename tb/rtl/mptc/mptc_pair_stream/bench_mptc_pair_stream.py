@@ -308,8 +308,8 @@ class Bench:
 
     def chosen(self, pair: Pair, context: str) -> None:
         """What is to be applied."""
-        vectors, times = number(self.dut.chosen_u), (self.dut.chosen_t1, self.dut.chosen_t2)
-        got = (*(vectors >> (3 * n) & 7 for n in range(3)), *map(number, times))
+        names = ("u1", "u2", "u3", "t1", "t2")
+        got = tuple(number(getattr(self.dut, f"chosen_{name}")) for name in names)
         self.board.check("chosen", got, pair.sequence, context)
 
     async def decide(self, given: Decision, context: str, *, cut: bool) -> None:

@@ -21,17 +21,18 @@ import pytest
 
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
-FILES = [Path(__file__).with_name("mptc_pair_stream_flat.vhd")]
+FLAT = Flat(bare=("state",))
 
 
 def bench(rounds: int = 18, throttle: int = 0, rtl: Path = RTL) -> Outcome:
     return run(
-        "mptc_pair_stream_flat",
+        "mptc_pair_stream",
         "tb.rtl.mptc.mptc_pair_stream.bench_mptc_pair_stream",
         units=["mptc_pair_stream"],
-        files=FILES,
+        flat=FLAT,
         arguments={"seed": 7, "rounds": rounds, "throttle": throttle},
         rtl=rtl,
     )
