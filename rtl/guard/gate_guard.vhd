@@ -7,6 +7,9 @@
 -- the converter needs it; a reset and a refused pattern turn them off at once.  All off is not a zero vector: the
 -- diodes carry the current.
 --
+-- With SECOND_SUPERVISOR a second gate_supervisor gets the same inputs. Either one stops the legs, and the fault upset
+-- follows a clock after their outputs differ.
+--
 -- To run: rst, enable = '0' for a clock with no fault latched, enable = '1', a measurement, decisions.  Gates come
 -- on with the first decision that finds a measurement compared since enable rose and since renew.
 -- docs/gate-guard.md has states, times and the safety properties that are checked.
@@ -31,12 +34,14 @@ library ieee;
 
 library work;
   use work.anpc5l_leg.positions_t;
+  use work.directmpc_math.to_std_logic;
   use work.gate_tables.all;
 
 entity gate_guard is
   generic (
-    FIVE_LEVEL      : boolean                  := true; -- true: legs of the converter's package, false: two-level ones
-    LEAST_DEAD_TIME : positive range 1 to 4095 := 10    -- clocks; shorter dead times are raised to it
+    FIVE_LEVEL        : boolean                  := true; -- true: legs of the converter's package, false: two-level
+    LEAST_DEAD_TIME   : positive range 1 to 4095 := 10;   -- clocks; shorter dead times are raised to it
+    SECOND_SUPERVISOR : boolean                  := false -- true: a second supervisor, compared in every clock
   );
   port (
     clk            : in    std_logic;                                              -- rising edge
@@ -113,10 +118,19 @@ architecture rtl of gate_guard is
   signal any_blocked : std_logic;
   signal any_refused : std_logic;
   signal stop     : std_logic;
+  signal first_stop : std_logic;
+  signal first_kill : std_logic;
   signal checked  : std_logic;
   signal forget   : std_logic;
   signal dead_now : std_logic_vector(TIME_WIDTH - 1 downto 0);
   signal rest_now : std_logic_vector(TIME_WIDTH - 1 downto 0);
+  signal is_live  : std_logic;
+  signal latched  : std_logic_vector(FAULT_COUNT - 1 downto 0);
+  -- of the second supervisor, '0' without it
+  signal second_stop   : std_logic;
+  signal second_kill   : std_logic;
+  signal second_faults : std_logic_vector(FAULT_COUNT - 1 downto 0);
+  signal disagree      : std_logic; -- the two differed a clock ago
 
 begin
 
@@ -171,10 +185,12 @@ begin
       frozen       => bands(3)
     );
 
-  bands(4) <= upset;
+  bands(4) <= upset or disagree;
   bands(5) <= driver_fault;
 
   running <= active;
+  live    <= is_live;
+  faults  <= latched or second_faults;
 
   all_legal   <= legal(0) and legal(1) and legal(2);
   any_blocked <= blocked(0) or blocked(1) or blocked(2);
@@ -210,15 +226,94 @@ begin
       minimum_off    => minimum_off,
       decision_limit => decision_limit,
       watchdog       => watchdog,
-      stop           => stop,
-      kill           => kill,
+      stop           => first_stop,
+      kill           => first_kill,
       forget         => forget,
       dead_now       => dead_now,
       rest_now       => rest_now,
       running        => active,
-      live           => live,
-      faults         => faults
+      live           => is_live,
+      faults         => latched
     );
+
+  g_second : if SECOND_SUPERVISOR generate
+
+    signal forgets : std_logic;
+    signal dead    : std_logic_vector(TIME_WIDTH - 1 downto 0);
+    signal rest    : std_logic_vector(TIME_WIDTH - 1 downto 0);
+    signal runs    : std_logic;
+    signal lives   : std_logic;
+
+    -- tools that merge what is equal may not merge the two
+    attribute dont_touch : string;
+    attribute dont_touch of i_second     : label is "true";
+    attribute keep_hierarchy : string;
+    attribute keep_hierarchy of i_second : label is "true";
+    attribute syn_hier : string;
+    attribute syn_hier of i_second       : label is "hard";
+
+  begin
+
+    i_second : entity work.gate_supervisor
+      generic map (
+        LEAST_DEAD_TIME => LEAST_DEAD_TIME
+      )
+      port map (
+        clk            => clk,
+        rst            => rst,
+        enable         => enable,
+        start          => start,
+        decided        => decided,
+        legal          => all_legal,
+        blocked        => any_blocked,
+        refused        => any_refused,
+        dark           => dark,
+        trips          => trips,
+        bands          => bands,
+        checked        => checked,
+        renew          => renew,
+        clear          => clear,
+        dead_time      => dead_time,
+        minimum_on     => minimum_on,
+        minimum_off    => minimum_off,
+        decision_limit => decision_limit,
+        watchdog       => watchdog,
+        stop           => second_stop,
+        kill           => second_kill,
+        forget         => forgets,
+        dead_now       => dead,
+        rest_now       => rest,
+        running        => runs,
+        live           => lives,
+        faults         => second_faults
+      );
+
+    p_compare : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        disagree <= to_std_logic(first_stop /= second_stop or first_kill /= second_kill or forget /= forgets
+                                 or dead_now /= dead or rest_now /= rest or active /= runs or is_live /= lives
+                                 or latched /= second_faults);
+
+        if (rst = '1') then
+          disagree <= '0';
+        end if;
+      end if;
+
+    end process p_compare;
+
+  end generate g_second;
+
+  g_alone : if not SECOND_SUPERVISOR generate
+    second_stop   <= '0';
+    second_kill   <= '0';
+    second_faults <= (others => '0');
+    disagree      <= '0';
+  end generate g_alone;
+
+  stop <= first_stop or second_stop;
+  kill <= first_kill or second_kill;
 
   g_legs : for x in 0 to 2 generate
 

@@ -6,7 +6,7 @@
 // Compiled with: INPUTS, STATE, OUTPUTS, words of 32 bits of each; GATES, of a leg.
 // Outputs begin with the gates, 24 bits, and the faults, 16 bits.
 // Arguments: files of the inputs (words, clock by clock), of the first state and of the forbidden patterns (a byte for
-// each pattern of a leg, 1: forbidden); clocks, first and last clock of a flip, clock from which on all gates have to be
+// each pattern of a leg, 1: forbidden) and of 64 bits for each flip-flop, its own seed; clocks, first and last clock of a flip, clock from which on all gates have to be
 // off, dead time in clocks, flips of each flip-flop, seed, first and last flip-flop. Prints "golden N" with the N problems of the run without a flip, and a line for each flip:
 // flip-flop, clock, outcome, longest forbidden pattern in clocks, and 1 where the state is another one at the end.
 #include <algorithm>
@@ -75,12 +75,12 @@ struct Watch {
 int main(int argc, char** argv) {
   Verilated::commandArgs(argc, argv);
   m = new Vcore;
-  clocks = atol(argv[4]);
-  const long first = atol(argv[5]), last = atol(argv[6]);
-  deadline = atol(argv[7]);
-  dead = atol(argv[8]);
-  const int times = atoi(argv[9]);
-  const uint64_t base = strtoull(argv[10], nullptr, 10);
+  clocks = atol(argv[5]);
+  const long first = atol(argv[6]), last = atol(argv[7]);
+  deadline = atol(argv[8]);
+  dead = atol(argv[9]);
+  const int times = atoi(argv[10]);
+  const uint64_t base = strtoull(argv[11], nullptr, 10);
   inputs.resize(clocks * INPUTS);
   states.resize((clocks + 1) * STATE);
   told.resize(clocks * OUTPUTS);
@@ -96,9 +96,11 @@ int main(int argc, char** argv) {
   }
   printf("golden %ld\n", whole.longest + whole.close + whole.late + alarms);
   std::vector<Word> state(STATE), next(STATE), out(OUTPUTS);
-  for (long k = atol(argv[11]); k <= atol(argv[12]); k++) {
+  std::vector<uint64_t> own(atol(argv[13]) + 1);
+  fill(argv[4], own.data(), own.size() * sizeof(uint64_t));
+  for (long k = atol(argv[12]); k <= atol(argv[13]); k++) {
     for (int r = 0; r < times; r++) {
-      seed = (base * 1000003 + k) * 1009 + r + 1;
+      seed = (base * 1000003 + own[k]) * 1009 + r + 1;
       draw();
       const long flip = first + draw() % (last - first);
       memcpy(state.data(), &states[flip * STATE], STATE * sizeof(Word));

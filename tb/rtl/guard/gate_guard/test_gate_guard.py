@@ -34,20 +34,29 @@ def bench(
     every: bool = False,
     converter: str = "",
     seed: int = 15,
+    second: bool = False,
 ) -> Outcome:
     return run(
         "gate_guard",
         "tb.rtl.guard.gate_guard.bench_gate_guard",
         units=["gate_guard"],
-        generics={"FIVE_LEVEL": "true" if five_level else "false", "LEAST_DEAD_TIME": 2},
+        generics={
+            "FIVE_LEVEL": str(five_level).lower(),
+            "LEAST_DEAD_TIME": 2,
+            "SECOND_SUPERVISOR": str(second).lower(),
+        },
         arguments={"seed": seed, "clocks": clocks, "all": every, "converter": converter},
         rtl=rtl,
     )
 
 
-@pytest.mark.parametrize("five_level", [True, False], ids=["anpc", "two_level"])
-def test_every_clock_is_the_reference_s(five_level: bool) -> None:
-    found = bench(five_level, 26_000, every=True)
+@pytest.mark.parametrize(
+    ("five_level", "second"),
+    [(True, False), (False, False), (False, True)],
+    ids=["anpc", "two_level", "two supervisors"],
+)
+def test_every_clock_is_the_reference_s(five_level: bool, second: bool) -> None:
+    found = bench(five_level, 26_000, every=True, second=second)
     assert found.checks["gates"] == 26_000 - 2
 
 
