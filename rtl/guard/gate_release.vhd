@@ -2,7 +2,9 @@
 --
 -- permit = '0' turns all pins off through gates alone: no clock, no reset and no register has a part in it.  It also
 -- clears six flip-flops, which keep the pins off until permit has been '1' for six rising edges and all gates are off.
--- The guard behind sees every loss of permit, however short, and has begun to turn its gates off by the fourth edge.
+-- The guard behind sees every loss of permit that clears them, and has begun to turn its gates off by the fourth edge.
+-- A pulse shorter than the least clear pulse of a flip-flop of the part, some ns, may clear some of the six or none: it
+-- is a pulse at the pins as well, or nothing, and no fault. A filter outside has to keep such pulses away.
 -- So a permit that comes back, with the clock or while it stands, lets nothing through that was decided before, and no
 -- rest of a stop.
 --

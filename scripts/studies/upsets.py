@@ -24,11 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from directmpc.api.drive_file import load_drive
 from directmpc.converter import Converter
 from directmpc.host.gate_guard import LEGS
-from directmpc.host.registers import registers_of, values
-from directmpc.mptc.formats import measurement_formats
 from scripts.hdl import conversion, netlist_check
 from scripts.hdl.sources import RTL
 from scripts.shared import progress, tables, tools
@@ -86,7 +83,6 @@ class Case:
     run: Callable[[Converter], Run]  #: Makes the run.
     #: Part -> what the names of its flip-flops hold; the first that fits counts.
     parts: dict[str, str]
-    fewer: int = 1  #: Each flip-flop gets this part of the flips, one at least.
 
 
 @dataclass(frozen=True)
@@ -141,48 +137,6 @@ def _guard_run(leg: Converter) -> Run:
     return Run(inputs, begin + 20, over, over + period + 5 + 3 * dead, dead)
 
 
-def _system_run(leg: Converter) -> Run:
-    """A host loads a drive, enables it and gives measurements; the last ones are too high."""
-    del leg
-    rng = np.random.default_rng(5)
-    drive = load_drive("induction_2kw2")
-    found = values(drive, clock=25e6)
-    dead, period, periods = 4, 160, 8
-    found.words |= {
-        "guard.dead_time": dead, "guard.minimum_on": 8, "guard.minimum_off": 8,
-        "guard.decision_limit": 240, "guard.watchdog": 400, "guard.frozen": 3,
-    }  # fmt: skip
-    known = registers_of("mptc")
-    writes = [(address, word) for _, address, word in found.writes()]
-    writes.append((known["system.control"][0], 1))
-    each = 16  # clocks of a write
-    begin = 40 + each * len(writes) + 40
-    over = begin + periods * period
-    clocks = over + 2 * period
-    t = np.arange(clocks)
-    written = (t - 40) // each
-    valid = (t >= 40) & (written < len(writes)) & ((t - 40) % each < each - 4)
-    at = np.clip(written, 0, len(writes) - 1)
-    inputs: dict[str, np.ndarray] = {
-        "rst": t < 3, "enable": t >= 0, "start": (t >= begin) & ((t - begin) % period == 0),
-        "s_axil_awvalid": valid, "s_axil_wvalid": valid, "s_axil_bready": t >= 0,
-        "s_axil_wstrb": np.full(clocks, 15), "s_axil_rready": t >= 0, "second_clock": t >= 0,
-        "s_axil_awaddr": np.array([address for address, _ in writes])[at],
-        "s_axil_wdata": np.array([word for _, word in writes])[at],
-    }  # fmt: skip
-    scales = {name: form.scale for name, form in measurement_formats(drive).items()}
-    limit = found.words["guard.current_limit"]
-    number = np.clip((t - begin) // period, 0, None)
-    for name in ("is_alpha", "is_beta"):
-        words = rng.integers(-limit // 3, limit // 3, number[-1] + 1)[number]
-        inputs[name] = np.where((t >= over) & (name == "is_alpha"), limit * 5 // 4, words) & 0xFFFF
-    said = {"psis_alpha": 0.5, "psis_beta": 0.2, "omega_r": 100.0, "torque_ref": 5.0,
-            "psi_ref": 0.7, "v_dc": drive.inverter.vdc}  # fmt: skip
-    for name, value in said.items():
-        inputs[name] = np.full(clocks, round(value * scales[name]) & 0xFFFF)
-    return Run(inputs, begin + 3 * period, over, over + 40, dead)
-
-
 _GUARD_PARTS = {
     "second supervisor": "second|disagree",
     "trip comparator": "i_comparator",
@@ -202,11 +156,6 @@ CASES = {
     "gate guard, two-level, second supervisor": Case(
         "gate_guard", {"FIVE_LEVEL": False, "LEAST_DEAD_TIME": 2, "SECOND_SUPERVISOR": True},
         LEGS[False], ("gates", "faults"), _guard_run, _GUARD_PARTS,
-    ),
-    "MPTC system": Case(
-        "mptc_system", {"LEAST_DEAD_TIME": 2}, LEGS[False], ("gates", "faults"), _system_run,
-        {"gate guard": "i_guard", "registers": "i_registers", "core": r"\bi_core|observer",
-         "shell and rest": "."}, fewer=TIMES,
     ),
 }  # fmt: skip
 
@@ -406,7 +355,7 @@ def _one(
         document["cases"][name] = kept
     starts = range(kept["done"], len(netlist.names), BLOCK)
     ends = [min(start + BLOCK, len(netlist.names)) - 1 for start in starts]
-    times, seed = max(document["times"] // case.fewer, 1), document["seed"]
+    times, seed = document["times"], document["seed"]
     try:
         with (
             ThreadPoolExecutor(jobs) as pool,
@@ -463,8 +412,7 @@ def markdown(document: dict[str, Any]) -> str:
     said = "; ".join(f"{what}: {whys[kind]:,}" for kind, what in UNSAFE.items())
     return "\n".join(
         [
-            f"Commit `{document['commit'][:12]}`, {document['times']} flips of each flip-flop of a "
-            "guard, one of each of a system.",
+            f"Commit `{document['commit'][:12]}`, {document['times']} flips of each flip-flop.",
             "",
             tables.markdown(head, rows, "ll" + "r" * (len(head) - 2)),
             "",

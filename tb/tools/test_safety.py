@@ -24,7 +24,7 @@ import pytest
 from directmpc.host.gate_guard import FAULTS
 from directmpc.host.protocol import Outcome
 from scripts.hdl.boards import BOARDS
-from scripts.measure import proofs
+from scripts.measure import budgets, proofs
 from scripts.shared.tools import ROOT
 
 PAGE = ROOT / "docs" / "safety.md"
@@ -129,6 +129,31 @@ def wrong_times(text: str) -> list[str]:
             if [slow, fast] != wanted:
                 wrong.append(f"{cause}: {slow}, {fast} ns, expected {', '.join(wanted)}")
     return wrong
+
+
+def wrong_costs(text: str) -> list[str]:
+    """What is wrong about the table of costs of a page, one line each."""
+    wrong, held = [], budgets.load().resources
+    response = {row[0]: row[2] for row in table(text, "response")}
+    trips = [response["a measurement beyond its limit, at the guard"],
+             response["`external_trip` of `gate_guard`"]]  # fmt: skip
+    for part, *cells in table(text, "cost"):
+        (name,) = ticked(part)
+        row = held[name]
+        wanted = [f"{row[family][figure]:,}" for family, figure in
+                  (("ecp5", "lut"), ("ecp5", "ff"), ("xc3s", "lut"))]  # fmt: skip
+        if name.startswith("gate_guard"):
+            wanted += [cell for clocks in trips for cell in (clocks, f"{int(clocks) * 10}")]
+        if cells[: len(wanted)] != wanted:
+            wrong.append(f"{part}: {' | '.join(cells)}, expected {' | '.join(wanted)}")
+    return wrong
+
+
+def test_what_protection_costs_is_what_is_held() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert wrong_costs(text) == []
+    assert wrong_costs(text.replace("| 4 | 40 | 1 | 10 |", "| 4 | 40 | 2 | 20 |"))
+    assert len(table(text, "cost")) > 5
 
 
 def wrong_diagnosis(text: str) -> list[str]:
