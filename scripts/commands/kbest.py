@@ -17,6 +17,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--starts", type=int, default=kbest.STARTS)
     parser.add_argument("--anew", action="store_true", help="run what the file has already, too")
     parser.add_argument("--out", type=Path, default=kbest.REPORT, help="file of the runs")
+    parser.add_argument("--loops", type=Path, default=kbest.LOOPS, help="file of the loops")
     parser.add_argument("--page", type=Path, default=kbest.PAGE, help="page of the table")
     parser.add_argument("--picture", type=Path, default=kbest.PICTURE, help="picture (PNG)")
 
@@ -28,12 +29,13 @@ def _run(given: argparse.Namespace) -> int | None:
                 f"argument --{name}: got {getattr(given, name)}; at least {least} is needed"
             )
     found = kbest.study(given.out, given.steps, given.periods, given.starts, anew=given.anew)
-    kbest.publish(found, given.page, given.picture)
+    loops = kbest.loops(given.loops, given.steps, anew=given.anew)
+    kbest.publish(found, loops, given.page, given.picture)
     return 0
 
 
 COMMAND = Command(
     "kbest", __doc__, _arguments, _run,
     interrupted="the runs that are through are kept", outputs=(),
-    growing=("out", "page", "picture"), formats={"picture": ".png"},
+    growing=("out", "loops", "page", "picture"), formats={"picture": ".png"},
 )  # fmt: skip

@@ -4,24 +4,31 @@
 writes ``reports/kbest.csv.gz``, one row per run, and from it a table of ``docs/pwm.md`` and
 ``reports/kbest.png``. A row that the file has already is not run again; ``--anew`` begins at the
 first. The capacitor bounds of all controllers are 0.05 and 0.08 pu; all measurements are exact.
+After that it runs the drives as they ship, by the ideal controller, by the model, and by the model
+with noise and a delay that it compensates: ``reports/kbest_loops.csv`` and another table.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from directmpc.api.drive_file import load_drive
-from directmpc.kbest import bit_true
+from directmpc.kbest import bit_true, ideal
 from directmpc.mpdcc import closed_loop, metrics
 from directmpc.mpdcc.closed_loop import OperatingPoint
+from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from scripts.hdl import states
 from scripts.shared import progress, rows, tables
 from scripts.shared.figures import COLOURS, drive_title, pyplot, save_png
 from scripts.shared.tools import ROOT
 from scripts.studies import pwm
 from scripts.studies.pwm import FIGURES, Rows, Setting, curve, select, thd_at
+from scripts.studies.robustness import NOISE_CURRENT, NOISE_VOLTAGE
 
 DRIVES = pwm.DRIVES
 SPEEDS = (1.0, 0.6, 0.3)
@@ -52,6 +59,25 @@ PAGE = ROOT / "docs" / "pwm.md"
 PICTURE = ROOT / "reports" / "kbest.png"
 BEGIN = "<!-- kbest: begin (written by python -m scripts kbest) -->"
 END = "<!-- kbest: end -->"
+
+CASES = ("ideal", "model", "noise")
+"""Ideal controller and model with exact measurements, and model with noise and delay."""
+
+LOOPS = ROOT / "reports" / "kbest_loops.csv"
+LOOP_STARTS = 8
+LOOP_FIGURES = ("fsw_hz", "thd_pct", "outside_pct", "excess_pu")
+LOOPS_BEGIN = "<!-- kbest loops: begin (written by python -m scripts kbest) -->"
+LOOPS_END = "<!-- kbest loops: end -->"
+
+
+@dataclass(frozen=True, order=True)
+class Loop:
+    """A closed loop of a drive as it ships; `case` is one of `CASES`, `start` a seed."""
+
+    drive: str
+    speed: float
+    case: str
+    start: int
 
 
 def settings(starts: int) -> Iterator[Setting]:
@@ -107,6 +133,70 @@ def study(
     rows.write(out, found, FIGURES)
     # as the file has them, so that a page can be written again from the file
     return {**rows.read(out, Setting, FIGURES)}
+
+
+def loop(setting: Loop, steps: int) -> dict[str, float]:
+    """One closed loop and its figures; outside is beyond the bound of any capacitor."""
+    noisy = setting.case == "noise"
+    drive = load_drive(f"{setting.drive}_kbest").with_control(delay_compensation=noisy)
+    engine = ideal if setting.case == "ideal" else bit_true
+    result = closed_loop.simulate(
+        drive, engine.decide, engine.parameters_of(drive), OperatingPoint(setting.speed),
+        steps, settle=pwm.SETTLE, seed=setting.start, delay=noisy, compensate=False,
+        errors=DriveErrors(
+            noise_current=NOISE_CURRENT, noise_voltage=NOISE_VOLTAGE, seed=setting.start,
+        ) if noisy else NO_ERRORS,
+    )  # fmt: skip
+    summary = metrics.summarise(drive, result)
+    beyond = metrics.deviations(result)[:, 3:] - drive.bounds[3:]
+    return {
+        "fsw_hz": summary.switching.per_device,
+        "thd_pct": 100 * summary.thd_mean,
+        "outside_pct": 100 * float((beyond > 0).any(axis=1).mean()),
+        "excess_pu": max(0.0, float(beyond.max())),
+    }
+
+
+def loops(out: Path, steps: int, *, anew: bool = False) -> dict[Loop, dict[str, float]]:
+    """Run the loops that the file does not have yet."""
+    found = {} if anew else rows.read(out, Loop, LOOP_FIGURES)
+    wanted = [Loop(*row) for row in itertools.product(DRIVES, SPEEDS, CASES, range(LOOP_STARTS))]
+    missing = [setting for setting in wanted if setting not in found]
+    with progress.counter("loops", len(missing)) as advance:
+        for setting in missing:
+            found[setting] = loop(setting, steps)
+            advance()
+            rows.write(out, found, LOOP_FIGURES)
+    return rows.read(out, Loop, LOOP_FIGURES)
+
+
+def loop_table(found: dict[Loop, dict[str, float]]) -> str:
+    """What words and noise change, and how far the capacitors go."""
+    lines = []
+    for name, speed in itertools.product(DRIVES, SPEEDS):
+        at = {
+            case: [found[Loop(name, speed, case, start)] for start in range(LOOP_STARTS)]
+            for case in CASES
+        }
+        mean = {
+            case: {figure: float(np.mean([row[figure] for row in runs])) for figure in LOOP_FIGURES}
+            for case, runs in at.items()
+        }
+        product = {case: values["fsw_hz"] * values["thd_pct"] for case, values in mean.items()}
+        changes = [product["model"] / product["ideal"]]
+        changes += [mean["noise"][f] / mean["model"][f] for f in ("fsw_hz", "thd_pct")]
+        lines.append((
+            name, f"{speed:g}", *(f"{100 * change - 100:+.1f}" for change in changes),
+            *(
+                f"{mean[case]['outside_pct']:.2f}, {max(r['excess_pu'] for r in at[case]):.3f}"
+                for case in CASES[1:]
+            ),
+        ))  # fmt: skip
+    head = (
+        "drive", "speed, pu", "THD x f_sw of the model to the ideal, %", "f_sw with noise, %",
+        "THD with noise, %", "outside, % of steps, and most, pu", "the same with noise",
+    )  # fmt: skip
+    return tables.markdown(head, lines)
 
 
 def _curves(found: Rows, name: str, speed: float) -> dict[str, object]:
@@ -171,7 +261,7 @@ def draw(found: Rows, path: Path) -> None:
     plt.close(figure)
 
 
-def publish(found: Rows, page: Path, picture: Path) -> None:
-    """Write the table into its page, and the picture."""
-    tables.rewrite(page, {(BEGIN, END): table(found)})
+def publish(found: Rows, run: dict[Loop, dict[str, float]], page: Path, picture: Path) -> None:
+    """Write the tables into their page, and the picture."""
+    tables.rewrite(page, {(BEGIN, END): table(found), (LOOPS_BEGIN, LOOPS_END): loop_table(run)})
     draw(found, picture)

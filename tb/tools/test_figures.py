@@ -110,7 +110,11 @@ def of_pwm(page: Path) -> None:
 
 def of_kbest(page: Path) -> None:
     found = rows.read(kbest.REPORT, kbest.Setting, kbest.FIGURES)
-    tables.rewrite(page, {(kbest.BEGIN, kbest.END): kbest.table(found)})
+    loops = rows.read(kbest.LOOPS, kbest.Loop, kbest.LOOP_FIGURES)
+    begin, end = kbest.LOOPS_BEGIN, kbest.LOOPS_END
+    tables.rewrite(
+        page, {(kbest.BEGIN, kbest.END): kbest.table(found), (begin, end): kbest.loop_table(loops)}
+    )
 
 
 def of_robustness(page: Path) -> None:
