@@ -589,6 +589,8 @@ int directmpc_transfer(directmpc_design *design, const uint8_t *bytes, uint8_t *
 namespace {
 
 std::vector<uint8_t> saved(const directmpc_design *design) {
+    // Marks of Verilator's own, of what it settled last, are then the same in equal designs.
+    Vdesign___024root___eval_settle(design->model->rootp);
     std::vector<uint8_t> bytes;
     Writer writer(bytes);
     // Verilator serialises what it is given to write, but asks for a model that is not const
