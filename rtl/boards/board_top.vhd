@@ -46,6 +46,7 @@ entity board_top is
     BAUD              : positive              := 3_000_000;  -- UART, 1/s
     LEAST_DEAD_TIME   : positive              := 400;        -- ns; shorter dead times are raised to it
     DRIVERS           : boolean               := false;      -- true: the gate drivers' outputs are wired
+    SECOND_SUPERVISOR : boolean               := false;      -- true: the gate guard has two supervisors
     RECORDER_ROWS     : natural               := 0           -- steps that are recorded: 0, or a power of two from 8 on
   );
   port (
@@ -400,6 +401,7 @@ begin
         CAPACITOR_FILTER  => CAPACITOR_FILTER,
         LEAKAGE_ESTIMATE  => LEAKAGE_ESTIMATE,
         LEAST_DEAD_TIME   => DEAD_CLOCKS,
+        SECOND_SUPERVISOR => SECOND_SUPERVISOR,
         RECORDER_ROWS     => RECORDER_ROWS
       )
       port map (
@@ -477,10 +479,11 @@ begin
 
     i_system : entity work.mptc_system
       generic map (
-        FAMILY          => FAMILY,
-        SENSORLESS      => SENSORLESS,
-        LEAST_DEAD_TIME => DEAD_CLOCKS,
-        RECORDER_ROWS   => RECORDER_ROWS
+        FAMILY            => FAMILY,
+        SENSORLESS        => SENSORLESS,
+        LEAST_DEAD_TIME   => DEAD_CLOCKS,
+        SECOND_SUPERVISOR => SECOND_SUPERVISOR,
+        RECORDER_ROWS     => RECORDER_ROWS
       )
       port map (
         clk            => core_clock,

@@ -48,6 +48,7 @@ entity mpdcc_system is
     CAPACITOR_FILTER  : boolean                  := true;  -- true: filters of v_n and v_ph can be chosen
     LEAKAGE_ESTIMATE  : boolean                  := true;  -- true: the leakage can be estimated, fast explorer alone
     LEAST_DEAD_TIME   : positive range 1 to 4095 := 10;    -- clocks; shorter dead times are raised to it
+    SECOND_SUPERVISOR : boolean                  := false; -- true: the gate guard has two supervisors
     RECORDER_ROWS     : natural range 0 to 1024  := 0      -- steps that are recorded: 0, or a power of two from 8 on
   );
   port (
@@ -330,10 +331,11 @@ begin
 
   i_shell : entity work.system_shell
     generic map (
-      FIVE_LEVEL      => true,
-      LEAST_DEAD_TIME => LEAST_DEAD_TIME,
-      FIRST_BOUND     => PLACE_BOUND_CURRENT,
-      BOUND_LIMIT     => choose(FOLDED, 65535, LARGEST_BOUND)
+      FIVE_LEVEL        => true,
+      LEAST_DEAD_TIME   => LEAST_DEAD_TIME,
+      SECOND_SUPERVISOR => SECOND_SUPERVISOR,
+      FIRST_BOUND       => PLACE_BOUND_CURRENT,
+      BOUND_LIMIT       => choose(FOLDED, 65535, LARGEST_BOUND)
     )
     port map (
       clk                => clk,

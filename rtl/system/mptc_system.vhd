@@ -38,6 +38,7 @@ entity mptc_system is
     FAMILY          : boolean                  := false; -- true: two and three vectors too; includes MPFC
     SENSORLESS      : boolean                  := false; -- true: the speed can be the observer's
     LEAST_DEAD_TIME : positive range 1 to 4095 := 10;   -- clocks; shorter dead times are raised to it
+    SECOND_SUPERVISOR : boolean                := false; -- true: the gate guard has two supervisors
     RECORDER_ROWS   : natural range 0 to 1024  := 0     -- steps that are recorded: 0, or a power of two from 8 on
   );
   port (
@@ -238,9 +239,10 @@ begin
 
   i_shell : entity work.system_shell
     generic map (
-      FIVE_LEVEL      => false,
-      MEASUREMENTS    => 8,
-      LEAST_DEAD_TIME => LEAST_DEAD_TIME
+      FIVE_LEVEL        => false,
+      MEASUREMENTS      => 8,
+      LEAST_DEAD_TIME   => LEAST_DEAD_TIME,
+      SECOND_SUPERVISOR => SECOND_SUPERVISOR
     )
     port map (
       clk                => clk,

@@ -34,6 +34,7 @@ entity system_shell is
     FIVE_LEVEL      : boolean                  := true; -- true: legs of the converter's package, false: two-level ones
     MEASUREMENTS    : positive range 1 to 16   := 13;   -- registers that a measurement has, positions not counted
     LEAST_DEAD_TIME : positive range 1 to 4095 := 10;   -- clocks; shorter dead times are raised to it
+    SECOND_SUPERVISOR : boolean                := false; -- true: the gate guard has two supervisors
     FIRST_BOUND     : natural range 0 to 61    := 0;    -- place of MPDCC's three bounds among the parameters
     BOUND_LIMIT     : natural range 0 to 65535 := 65535 -- of MPDCC's bounds, trajectory units; 65535: any bound passes
   );
@@ -349,8 +350,9 @@ begin
 
   i_guard : entity work.gate_guard
     generic map (
-      FIVE_LEVEL      => FIVE_LEVEL,
-      LEAST_DEAD_TIME => LEAST_DEAD_TIME
+      FIVE_LEVEL        => FIVE_LEVEL,
+      LEAST_DEAD_TIME   => LEAST_DEAD_TIME,
+      SECOND_SUPERVISOR => SECOND_SUPERVISOR
     )
     port map (
       clk            => clk,

@@ -44,7 +44,7 @@ def bench(
 
 @pytest.mark.parametrize("drivers", [False, True], ids=["no drivers", "drivers"])
 def test_the_two_level_drive_over_the_pins(drivers: bool) -> None:
-    found = bench({**MPTC, "DRIVERS": drivers}, decisions=48)
+    found = bench({**MPTC, "DRIVERS": drivers, "SECOND_SUPERVISOR": drivers}, decisions=48)
     assert found.checks["decision"] == 48
     assert found.checks["driver"] == 6
 
