@@ -59,7 +59,7 @@ def of_accuracy(reports: Path) -> Section:
         "decisions": of_rows(reports / "fidelity_decisions.csv", (*point, "variant", "driver")),
         "loops": of_rows(reports / "fidelity_loops.csv", (*point, "controller")),
         "straight_line": of_rows(reports / "fidelity_straight_line.csv", (*point, "controller")),
-        "lengths": of_rows(reports / "straight_lines.csv", ("drive", "setting", "bound_pu")),
+        "lengths": of_rows(reports / "straight_lines.csv.gz", ("drive", "setting", "bound_pu")),
     }
 
 
@@ -102,7 +102,7 @@ SECTIONS: dict[str, Callable[[Path], Section]] = {
     # means over the starts
     "sese": _rows("sese.csv.gz", ("horizon", "bound", "speed"), ("start",)),
     "outside_rules": _rows(
-        "outside_rules.csv", ("drive", "horizon", "speed", "noise", "rule", "gain"), ("start",)
+        "outside_rules.csv.gz", ("drive", "horizon", "speed", "noise", "rule", "gain"), ("start",)
     ),
     "linear_comparison": _file("linear_comparison.json"),
     "field_bench": of_field_bench,

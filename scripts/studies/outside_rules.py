@@ -4,7 +4,7 @@ A search that widens each bound to what starts beyond it, max(bound, |start|), k
 alive that does not go further out. Hold test and deadlock criterion are unchanged.
 
 ``python -m scripts robustness`` runs both rules in closed loops of the ideal controller on the
-shipped drives, and writes ``reports/outside_rules.csv``, one row per loop. rtl/alternatives.md
+shipped drives, and writes ``reports/outside_rules.csv.gz``, one row per loop. rtl/alternatives.md
 says what was found.
 """
 
@@ -27,7 +27,7 @@ from scripts.shared import rows
 from scripts.shared.tools import ROOT
 from scripts.studies import robustness
 
-REPORT = ROOT / "reports" / "outside_rules.csv"
+REPORT = ROOT / "reports" / "outside_rules.csv.gz"
 WIDENED = "widened"
 BOUND = 0.10
 STARTS, STEPS = 3, 3000

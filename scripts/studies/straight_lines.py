@@ -4,7 +4,7 @@
 speed and current with the bit-true paper variant, for the bounds of `bounds` and several settings
 of the keys `extrapolation` (L) and `correction` (p), and writes
 
-* ``reports/straight_lines.csv``: one row for each drive, setting and bound,
+* ``reports/straight_lines.csv.gz``: one row for each drive, setting and bound,
 * the tables of ``reports/accuracy.md``.
 
 On every state of a loop both controllers decide; the loop is closed once by either.
@@ -41,7 +41,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
 SHOWN = 0.10
 """Bound whose figures stand beside the largest ones, per unit: that of the shipped files."""
 
-REPORT = ROOT / "reports" / "straight_lines.csv"
+REPORT = ROOT / "reports" / "straight_lines.csv.gz"
 PAGE = ROOT / "reports" / "accuracy.md"
 BEGIN = "<!-- {}: begin (written by python -m scripts extrapolation --loops) -->"
 END = "<!-- {}: end -->"
