@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # Runs a command of this project on a machine where nothing is installed.
 #
-#   scripts/fresh_machine.sh [--suite bookworm|trixie|testing] [COMMAND]
+#   scripts/fresh_machine.sh [--suite bookworm|trixie|testing] [--bring FILE] [COMMAND]
 #
 # The machine is a bare Debian root: the essential packages, git and make. It is built anew on
 # every call with mmdebstrap. The script clones HEAD into it and runs COMMAND there as root, with
 # an empty environment. COMMAND is a shell command; it is `make run` unless one is given. The suite
 # is bookworm (Debian 12) unless one is given; trixie is Debian 13. testing is what becomes the next
-# Debian; its name, forky, serves too.
+# Debian; its name, forky, serves too. FILE lies in /srv of the machine.
 #
 # The output of COMMAND is shown as it comes and kept in build/fresh_machine/SUITE.log. The last
 # line says whether COMMAND worked and how long it took. The exit code is COMMAND's, or 2 when the
@@ -24,11 +24,12 @@ say() { printf 'fresh_machine: %s\n' "$*" >&2; }
 die() { say "$*"; exit 2; }
 usage() { sed -n '2,/^set /s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; }
 
-suite=bookworm
+suite=bookworm bring=
 while [ $# -gt 0 ]; do
   case "$1" in
     --suite) [ $# -gt 1 ] || die "--suite: bookworm, trixie or testing is missing"; suite="$2"; shift 2 ;;
     --suite=*) suite="${1#*=}"; shift ;;
+    --bring) [ -f "${2:-}" ] || die "--bring: no file ${2:-is named}"; bring="$2"; shift 2 ;;
     -h | --help) usage; exit 0 ;;
     --) shift; break ;;
     -*) die "$1: no such option; --help shows what there is" ;;
@@ -127,6 +128,7 @@ for name in {http,https,ftp,all,no}_proxy {HTTP,HTTPS,FTP,ALL,NO}_PROXY \
 done
 
 git clone --quiet --no-local "$here" "$machine/srv/directmpc"
+[ -z "$bring" ] || cp "$bring" "$machine/srv/"
 
 # Runs as the first process of the machine's namespaces: devices and mounts, then the command.
 cat >"$work/start" <<'START'

@@ -445,7 +445,7 @@ def of_capacitor_bounds(reports: Path = REPORTS) -> Section:
 
 def of_newcomer(reports: Path = REPORTS) -> Section:
     """First steps on a bare machine."""
-    found = json.loads((reports / newcomer.TIMES.name).read_text(encoding="utf-8"))
+    found = json.loads((reports / newcomer.TIMES.name).read_text(encoding="utf-8"))["newcomer"]
     return {"cores": found["cores"], "seconds": found["seconds"]}
 
 

@@ -773,8 +773,14 @@ def test_the_program_of_the_page(fmu, tmp_path: Path, monkeypatch, capsys) -> No
     (tmp_path / "plant.fmu").write_bytes(fmu(name, plant=True).read_bytes())
     monkeypatch.chdir(tmp_path)
     page = (ROOT / "docs" / "fmu.md").read_text(encoding="utf-8")
-    exec(page.partition("```python\n")[2].partition("```")[0], {})
+    first, whole = (part.partition("```")[0] for part in page.split("```python\n")[1:])
+    exec(whole, {})
     assert abs(float(capsys.readouterr().out) - 7.0) < 0.5
+    (tmp_path / "controller.fmu").write_bytes(fmu("anpc5l_6kv").read_bytes())
+    seen: dict[str, Any] = {}
+    exec(first, seen)
+    assert set(seen["found"]["s_a"]) == set(range(8))
+    assert (tmp_path / "picture.png").stat().st_size > 5000
 
 
 @pytest.mark.parametrize(("name", "least"), [("induction_2kw2", 2000), ("anpc5l_6kv", 1000)])

@@ -33,7 +33,11 @@ newcomer: all steps work: Debian GNU/Linux 12 (bookworm), 2 cores, commit {"a" *
 def two_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A script of two steps."""
     script = tmp_path / "newcomers_path.sh"
-    script.write_text("step '`make run`' make run\nstep 'a drive file' make \\\n  drive\n", "utf-8")
+    script.write_text(
+        "step '`make run`' make run\nstep 'a drive file' make \\\n  drive\n"
+        "with_the_wheel() {\n  step 'pip' pip\n  step 'FMPy' python\n}\n",
+        "utf-8",
+    )
     monkeypatch.setattr(newcomer, "SCRIPT", script)
 
 
@@ -42,16 +46,22 @@ def test_times_are_stored_and_shown(tmp_path: Path, two_steps: None) -> None:
     log.write_text(OUTPUT, "utf-8")
     page.write_bytes(newcomer.PAGE.read_bytes())
     newcomer.keep(log, path)
-    assert json.loads(path.read_text("utf-8")) == {
+    first = {
         "system": "Debian GNU/Linux 12 (bookworm)",
         "cores": 2,
         "commit": "a" * 40,
         "seconds": {"`make run`": 12, "a drive file": 0},
     }
+    assert json.loads(path.read_text("utf-8")) == {"newcomer": first}
+    log.write_text(OUTPUT.replace("`make run`", "pip").replace("a drive file", "FMPy"), "utf-8")
+    newcomer.keep(log, path, "wheel")
+    second = first | {"seconds": {"pip": 12, "FMPy": 0}}
+    assert json.loads(path.read_text("utf-8")) == {"newcomer": first, "wheel": second}
     newcomer.page(page, path)
     text = page.read_text("utf-8")
     assert "bare Debian GNU/Linux 12 (bookworm) with 2 cores, at commit `aaaaaaaaaaaa`:" in text
-    assert "| `make run` | 12 |\n| a drive file | 0 |\n" in text
+    assert "| `make run` | 12 |\n| a drive file | 0 |\n| all | 12 |\n" in text
+    assert "| pip | 12 |\n| FMPy | 0 |\n| all | 12 |\n" in text
 
 
 def test_a_run_that_failed_is_not_stored(
@@ -79,9 +89,11 @@ def test_output_without_its_beginning_is_not_stored(tmp_path: Path, two_steps: N
 
 def test_the_script_prints_what_is_read(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     script = (ROOT / "scripts" / "newcomers_path.sh").read_text("utf-8")
-    names = [line.split("'")[1] for line in script.splitlines() if line.startswith("step '")]
-    assert names == newcomer._STEP.findall(script)
-    assert names == list(json.loads(newcomer.TIMES.read_text("utf-8"))["seconds"])
+    names = [li.split("'")[1] for li in script.splitlines() if li.startswith("  step '")]
+    known = json.loads(newcomer.TIMES.read_text("utf-8"))
+    stored = [name for way in newcomer.WAYS if way in known for name in known[way]["seconds"]]
+    assert names[: len(stored)] == stored
+    assert len(names) == 11
     step = script[script.index("step() {") : script.index("on_a_virtual_board() {")]
     done = script[script.index("printf 'newcomer: all steps") :]
     ran = subprocess.run(
@@ -89,6 +101,6 @@ def test_the_script_prints_what_is_read(monkeypatch: pytest.MonkeyPatch, tmp_pat
         check=True, capture_output=True, text=True, cwd=ROOT,
     )  # fmt: skip
     own = tmp_path / "own.sh"
-    own.write_text("step 'one of two' true\n", "utf-8")
+    own.write_text("step 'one of two' true\n\nwith_the_wheel() {\n", "utf-8")
     monkeypatch.setattr(newcomer, "SCRIPT", own)
     assert list(newcomer.times(ran.stdout)["seconds"]) == ["one of two"]

@@ -414,6 +414,8 @@ def builder(machine, tmp_path):
     [
         (["--suite", "sid"], "--suite sid: has to be bookworm, trixie or testing"),
         (["--suite"], "bookworm, trixie or testing is missing"),
+        (["--bring"], "--bring: no file is named"),
+        (["--bring", "none.whl"], "--bring: no file none.whl"),
         (["--other"], "--other: no such option"),
     ],
 )
