@@ -103,6 +103,7 @@ def self_test(board: Board) -> tuple[str, ...]:
     lacking, came = [], []
 
     def provoke(fault: str, cause: str, words: dict[str, int] | None) -> None:
+        """Enable, measure, and see whether this fault alone comes."""
         for _ in range(ATTEMPTS):
             board.write("system.control")
             board.write("system.faults", **dict.fromkeys(board.read("system.faults"), 1))
