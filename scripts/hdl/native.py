@@ -21,6 +21,8 @@ from scripts.shared.tools import Generics
 Result = TypeVar("Result")
 
 OPTIONS: Generics = {"SECOND_LEVEL": True, "WEIGHTED_DEADLOCK": True, "INWARDS": True}
+#: Steps that the recorder of a board keeps, less one.
+RECORDER = 256
 #: Design -> entity and generics.
 DESIGNS: dict[str, tuple[str, Generics]] = {
     "mpdcc_core": ("mpdcc_core", OPTIONS),
@@ -30,8 +32,11 @@ DESIGNS: dict[str, tuple[str, Generics]] = {
     "mpdcc_system": ("mpdcc_system", {}),
     "mptc_system": ("mptc_system", {}),
     "mptc_family_system": ("mptc_system", {"FAMILY": True}),
-    "mpdcc_board": ("board_top", generics("mpdcc")),
-    "mptc_board": ("board_top", generics("mptc", family=True, sensorless=True)),
+    "mpdcc_board": ("board_top", generics("mpdcc", recorder=RECORDER)),
+    "mptc_board": (
+        "board_top",
+        generics("mptc", family=True, sensorless=True, recorder=RECORDER),
+    ),
 }
 
 

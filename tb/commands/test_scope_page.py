@@ -17,8 +17,10 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +31,9 @@ from directmpc import load_drive, simulate
 from directmpc.distortion import thd
 from directmpc.mpdcc.trace import write_decisions
 from directmpc.native import NativeError
+from directmpc.scope import record as records
+from directmpc.scope import server
+from directmpc.scope.signals import Signals
 from scripts.hdl import native
 from scripts.shared.tools import ROOT
 
@@ -435,6 +440,73 @@ def test_a_trip_is_seen_with_what_came_before_in_two_clicks(browser: Any, live: 
         running(page, 20)
         page.click("#stop")
         page.until("!directmpc.state.running")
+
+
+class Tripped:
+    """What a scope of a board says after a trip, without a board."""
+
+    recorder, settings = True, ()
+
+    def __init__(self, recording: records.Record) -> None:
+        self.recordings, self.given = {1: recording}, Future()
+        self.given.set_result(None)
+
+    def state(self) -> dict[str, Any]:
+        """A trip, and a recording that has been read."""
+        events = [
+            {"kind": "trip", "names": ["external_trip"], "row": 399},
+            self.recordings[1].events[0] | {"rows": 255, "recording": 1},
+        ]
+        return {"running": False, "gates": 0, "rate": 0, "error": "", "events": events}
+
+    def give(self, *_: object) -> Future[None]:
+        """Every order is carried out."""
+        return self.given
+
+
+def test_a_recording_is_shown_beside_the_run(browser: Any, tmp_path: Path) -> None:
+    # a method whose costs the page does not compute
+    drive, steps = load_drive("induction_2kw2").with_control(method="GTV"), np.arange(400)
+    columns: dict[str, Any] = dict.fromkeys(Signals(drive).columns, np.ones(400))
+    columns |= {"is_alpha": np.sin(steps / 9), "u": steps % 8, "next_u": (steps + 1) % 8}
+    held = {name: values[:255] for name, values in columns.items()}
+    held |= {
+        "is_alpha": np.cos(steps[:255] / 9),
+        "gates": steps[:255] % 63 + 1,
+        "step": steps[:255],
+    }
+    recording = records.of_recording(drive, held, 254, ["external_trip"])
+    live: Any = Tripped(recording)
+    own = records.of_columns(drive, columns)
+    one = server.Server(own, live, "test", None, server.Presets(tmp_path / "presets.json"))
+    http, listening = server.serving(one, "127.0.0.1", 0)
+    thread = threading.Thread(target=http.run, kwargs={"sockets": [listening]})
+    thread.start()
+    try:
+        with Page(browser, f"http://127.0.0.1:{listening.getsockname()[1]}/") as page:
+            page.until("directmpc.own.total === 400")
+            page.click("#events button.recorder")
+            page.until("directmpc.store.recording")
+            page.settle()
+            span = "[directmpc.view.from, directmpc.view.until, directmpc.marks.t]"
+            assert page.get(span) == [234, 256, 254]
+            shown = page.get("[...directmpc.store.part('i_a', 234, 255)]")
+            assert np.allclose(shown, np.cos(steps[234:255] / 9), atol=1e-6)
+            assert page.get("directmpc.store.edges") > 200, "the gates as they were recorded"
+            page.click("#export summary")
+            lines = page.saved("#export a[data-kind=csv]").decode().splitlines()
+            assert len(lines) == 22
+            assert float(lines[1].split(",")[1]) == pytest.approx(shown[0], abs=1e-6)
+            page.click("#events button.trip")
+            page.until("!directmpc.store.recording && directmpc.marks.t === 399")
+            page.click("#events button.recorder")
+            page.until("directmpc.store.recording")
+            page.click("#hold")
+            page.until("!directmpc.store.recording && directmpc.view.follows")
+            page.click("#record")
+    finally:
+        http.should_exit = True
+        thread.join(timeout=20)
 
 
 def test_single_shot_on_a_fault(browser: Any, live: Scope) -> None:

@@ -31,6 +31,7 @@ from websockets.exceptions import InvalidStatus
 
 from directmpc import Drive, decide, load_drive, simulate
 from directmpc.csv_table import TraceError
+from directmpc.host import __main__ as host
 from directmpc.host.board import Board, RegisterError
 from directmpc.host.link import Link, LinkError
 from directmpc.host.protocol import Type
@@ -175,6 +176,14 @@ class Running:
             assert time.monotonic() < end, self.live.state()
             time.sleep(0.01)
 
+    def recorded(self) -> dict[str, Any]:
+        """The event of a recording, once the board's recorder has been read."""
+        end = time.monotonic() + 60
+        while not (event := (self.live.state()["events"] or [{}])[-1]).get("recording"):
+            assert time.monotonic() < end, self.live.state()
+            time.sleep(0.01)
+        return event
+
     def read(self, name: str) -> int:
         """A register's word, read between two steps."""
         address, _ = registers_of(self.drive.controller)[name]
@@ -213,8 +222,7 @@ def test_gates_are_drawn_as_a_board_switches_them(name: str, tmp_path: Path) -> 
     drive, log = load_drive(name), tmp_path / "gates.csv"
     record = Record(drive)
     # the netlist of rtl:, which keeps no log of its gates
-    options = {} if isinstance(drive, Drive) else {"family": True, "sensorless": True}
-    chosen = generics(drive.controller, **options)
+    _, chosen = native.DESIGNS[DRIVES[name]]
     port = tmp_path / "port"
     with VirtualBoard(chosen, port, log), Board(port, timeout=20) as board:
         live = Live(board, drive, record)
@@ -299,6 +307,45 @@ def test_a_trip_is_recorded_with_what_came_before(running: Running) -> None:
     running.order("clear")
     running.order("start")
     running.wait(20)
+
+
+@pytest.mark.parametrize("name", ["anpc5l_6kv"], indirect=True)
+def test_the_board_s_recorder_is_read_after_a_trip(running: Running, tmp_path: Path) -> None:
+    running.order("start")
+    running.wait(300)
+    running.order("trip")
+    event = running.recorded()
+    assert (event["names"], event["rows"]) == (["external_trip"], native.RECORDER - 1)
+    shown = running.live.recordings[event["recording"]]
+    table = shown.table(event["row"] - 20, event["row"] + 1)
+    # the trip came before the host's last step had begun; the same steps as the host has seen them,
+    # but for gates, which it gets a clock later
+    seen = running.record.table(running.record.total - 22, running.record.total - 1)
+    assert running.record.table(running.record.total - 1, running.record.total)["faults"] == 1
+    for column in set(table) - {"gates"}:
+        assert np.array_equal(table[column], seen[column]), column
+    one = Served(running.record, running.live, None, tmp_path)
+    address = f"http://127.0.0.1:{one.port}/"
+    try:
+        hello = asyncio.run(one.websocket(f"?recording={event['recording']}"))["hello"]
+        assert (hello["live"], hello["ts"]) == (False, shown.ts)
+        with urllib.request.urlopen(f"{address}export/trace?recording=1", timeout=20) as answer:
+            exported = answer.read()
+        assert one.get("/export/trace?recording=9") == 400
+        # another host reads the same through the scope, into files
+        files = [str(tmp_path / f"{name}.csv") for name in ("trace", "table")]
+        ends = ["--trace", files[0], "--table", files[1]]
+        drive = next(p for p in (ROOT / "drives").glob("*.toml") if load_drive(p) == running.drive)
+        port = ["--port", f"scope:{address}", "--timeout", "20"]
+        assert host.main([*port, "record", str(drive), *ends]) == 0
+        assert Path(files[0]).read_bytes() == exported
+    finally:
+        one.close()
+    again = records.of_table(running.drive, Path(files[1]))
+    whole = shown.table(0, shown.total)
+    assert all(np.array_equal(whole[name], c) for name, c in again.table(0, again.total).items())
+    assert (again.edges, again.ts) == (shown.edges, shown.ts)
+    assert [e["row"] for e in again.events] == [event["row"]]
 
 
 def test_a_line_that_is_cut_ends_the_run(running: Running, monkeypatch: pytest.MonkeyPatch) -> None:

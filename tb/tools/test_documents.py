@@ -172,11 +172,11 @@ def test_every_column_is_specified(tmp_path: Path) -> None:
     assert header(path) == columns("decisions of mpdcc")
     vectors = np.zeros((1, 2))
     applied = np.zeros((1, 3), np.int64), vectors
-    seen = mptc_trace.MptcTrace(vectors, vectors, real, real, real, flag, *applied)
+    seen = mptc_trace.MptcTrace(vectors, vectors, real, real, real, flag, *applied, v_dc=real)
     mptc_trace.write_trace(path, seen)
     assert header(path) == columns("trace of mptc")
     mptc_trace.write_trace(path, mptc_trace.MptcTrace(vectors, vectors, real, real, real, flag))
-    assert header(path) == columns("trace of mptc")[:-5]
+    assert header(path) == columns("trace of mptc")[:-6]
     mptc_trace.write_decisions(path, mptc_trace.MptcDecisions(flag, flag, flag, *applied))
     several = header(path)
     assert several == columns("decisions of mptc")[1:]

@@ -351,7 +351,7 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     command = commands.add_parser("record")
     command.add_argument("drive", type=Path, help="drive file that the board was loaded with")
     for name, text in (
-        ("trace", "what the core saw, for directmpc replay"),
+        ("trace", "what the core saw, for make replay"),
         ("decisions", "what it decided"),
         ("table", "all columns"),
     ):

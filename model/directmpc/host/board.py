@@ -22,6 +22,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cached_property
 from types import TracebackType
 from typing import Any, Self
 
@@ -997,6 +998,17 @@ class Board:
         payload = p.step_payload(words, position, self._count)
         return Decision.unpack(self.link.request(Type.STEP, payload, once=True))
 
+    @cached_property
+    def has_recorder(self) -> bool:
+        """Whether the board was built with a recorder.
+
+        Returns
+        -------
+        bool
+            Asked for once.
+        """
+        return bool(self.read("system.capabilities")["recorder"])
+
     def recorder_status(self) -> RecorderStatus:
         """What the recorder in the fabric is at.
 
@@ -1010,7 +1022,7 @@ class Board:
         RegisterError
             If the board was built without a recorder.
         """
-        if not self.read("system.capabilities")["recorder"]:
+        if not self.has_recorder:
             raise RegisterError("the board has no recorder; it was built with RECORDER_ROWS = 0")
         return RecorderStatus.of(self.read("recorder.status"))
 
@@ -1049,7 +1061,10 @@ class Board:
         self.write("recorder.command", trigger=1)
 
     def recording(
-        self, last: int | None = None, drive: Drive | MptcDrive | None = None
+        self,
+        last: int | None = None,
+        drive: Drive | MptcDrive | None = None,
+        meanwhile: Callable[[], None] = lambda: None,
     ) -> Recording:
         """What the recorder holds, while the drive runs or after it has stopped.
 
@@ -1059,6 +1074,8 @@ class Board:
             The newest so many records; all by default.
         drive : Drive or MptcDrive, optional
             What the board has been loaded with, where that was not by this host.
+        meanwhile : callable
+            Is called before each request that reads a record.
 
         Returns
         -------
@@ -1078,10 +1095,11 @@ class Board:
             raise RuntimeError("recording: no drive has been loaded; drive= says which it was")
         self._check_controller(known.controller)
         decided = self.read("system.decisions")["count"]
+        meanwhile()
         status = self.recorder_status()
         count = status.records if last is None else min(last, status.records)
         places = range(status.next_row - count, status.next_row)
-        kept = {place: self._record(place % status.rows) for place in places}
+        kept = {place: self._record(place % status.rows, meanwhile) for place in places}
         if (
             status.recording
         ):  # it has gone on meanwhile: a row for each decision at most, or a trigger
@@ -1099,13 +1117,15 @@ class Board:
             trigger = len(kept) - 1 - after if len(kept) > after else None
         return Recording(known, unpack(self.controller, rows), trigger, status.cause)
 
-    def _record(self, row: int) -> list[int]:
+    def _record(self, row: int, meanwhile: Callable[[], None]) -> list[int]:
         """Words of a row, those between the inputs and the decision zero."""
+        meanwhile()
         self.write("recorder.row", row=row)
         address, _ = self._register("recorder.record")
         record = [0] * STRIDE
         inputs, results = record_words(self.controller)
         for place in (*range(inputs), *range(RESULTS_AT, RESULTS_AT + results)):
+            meanwhile()
             record[place] = self.read_word(address + 4 * place)
         return record
 

@@ -4,7 +4,7 @@ A record is the words of one control step, 32 bits each: what the core saw, then
 `FIELDS` is the one place where their layout is written; ``make generate`` makes the VHDL package
 ``recorder_format`` from it. `RecorderModel` does with the steps what ``rtl/system/recorder.vhd``
 does. `Recording` is what a host reads: columns by name, and the trace and the decisions that
-``directmpc replay`` takes.
+`make replay` takes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.csv_table import IntArray, write_table
+from directmpc.csv_table import Column, FloatArray, IntArray, floats, read_table, write_table
 from directmpc.host.gate_guard import FAULTS
 from directmpc.mpdcc import formats as mpdcc_formats
 from directmpc.mpdcc import trace as mpdcc_trace
@@ -68,7 +68,7 @@ def _halves(first: int, names: Sequence[tuple[str, int, bool]]) -> tuple[Field, 
 
 
 #: What both controllers record of a decision.
-_SHARED = (
+SHARED = (
     Field("gates", RESULTS_AT, 0, 24),
     Field("applied_next", RESULTS_AT + 1, 0, 9),
     Field("cycles", RESULTS_AT + 1, 16, 16),
@@ -87,7 +87,7 @@ FIELDS: dict[str, tuple[Field, ...]] = {
             ],
         ),
         Field("leakage", 7, 0, 17),
-        *_SHARED,
+        *SHARED,
         Field("length", RESULTS_AT, 24, 6),
         Field("held", RESULTS_AT, 30, 1),
         Field("deadlock", RESULTS_AT, 31, 1),
@@ -112,7 +112,7 @@ FIELDS: dict[str, tuple[Field, ...]] = {
                 ("t2", mptc_formats.TIME_PORT_WIDTH, False),
             ],
         ),
-        *_SHARED,
+        *SHARED,
         Field("clamped", RESULTS_AT + 1, 10, 1),
         *_halves(
             RESULTS_AT + 3,
@@ -527,7 +527,7 @@ class Recording:
         Returns
         -------
         MpdccTrace or MptcTrace
-            Per unit, or SI; `directmpc replay` takes it.
+            Per unit, or SI; `make replay` takes it.
         """
         f, applied = self.fields, _three(self.fields["applied"])
         if isinstance(self.drive, Drive):
@@ -553,6 +553,7 @@ class Recording:
             u=applied[:, 0],
             vectors=applied if several else None,
             times=np.column_stack([f["t1"], f["t2"]]) / TIME_STEPS if several else None,
+            v_dc=x["v_dc"],
         )
 
     @property
@@ -625,7 +626,7 @@ class Recording:
         return found | {name: f[name] for name in ("cycles", "gates", "faults")}
 
     def write_trace(self, path: str | os.PathLike[str]) -> None:
-        """Write what the core saw as a trace that `directmpc replay` takes.
+        """Write what the core saw as a trace that `make replay` takes.
 
         Parameters
         ----------
@@ -644,7 +645,7 @@ class Recording:
             mptc_trace.write_trace(path, trace)
 
     def write_decisions(self, path: str | os.PathLike[str]) -> None:
-        """Write what it decided, as `directmpc replay` does.
+        """Write what it decided, as `make replay` does.
 
         Parameters
         ----------
@@ -678,3 +679,29 @@ class Recording:
         columns = self.columns
         rows = zip(*(map(repr, c.tolist()) for c in columns.values()), strict=True)
         write_table(path, list(columns), [list(row) for row in rows])
+
+
+def read_recording(drive: Drive | MptcDrive, path: os.PathLike[str]) -> dict[str, FloatArray]:
+    """Columns of a file of `Recording.write_table`.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        What the board was loaded with.
+    path : path
+        The file.
+
+    Returns
+    -------
+    dict of str to ndarray of float64, shape (n,)
+        By name.
+
+    Raises
+    ------
+    TraceError
+        If the file is malformed.
+    """
+    none = np.zeros((0, STRIDE), dtype=np.int64)
+    names = list(Recording(drive, unpack(drive.controller, none)).columns)
+    table = read_table(path, [Column(name) for name in names])
+    return {name: floats(table, [name])[:, 0] for name in names}

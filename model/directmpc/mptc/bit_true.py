@@ -691,7 +691,7 @@ def encode(drive: MptcDrive, trace: MptcTrace) -> tuple[IntArray, NDArray[np.boo
     saturated : ndarray of bool, shape (n,)
         True where a value of the row lay outside its word.
     """
-    vdc = np.full(len(trace), drive.inverter.vdc)
+    vdc = trace.link(drive.inverter.vdc)
     columns = [*trace.i_s.T, *trace.psi_s.T, trace.omega_r, vdc, trace.torque_ref, trace.psi_ref]
     formats = f.measurement_formats(drive).values()
     with np.errstate(over="ignore"):

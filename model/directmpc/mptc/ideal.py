@@ -270,14 +270,14 @@ def margin(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
 def _run(p, vdc, i, psi, omega_r, torque_ref, psi_ref, u, out):
     for k in range(len(u)):
         out[k, 0], out[k, 1], out[k, 2] = decide(
-            p, i[k], psi[k], omega_r[k], u[k], vdc, torque_ref[k], psi_ref[k]
+            p, i[k], psi[k], omega_r[k], u[k], vdc[k], torque_ref[k], psi_ref[k]
         )
 
 
 @njit
 def _margins(p, vdc, i, psi, omega_r, torque_ref, psi_ref, u, out):
     for k in range(len(u)):
-        out[k] = margin(p, i[k], psi[k], omega_r[k], u[k], vdc, torque_ref[k], psi_ref[k])
+        out[k] = margin(p, i[k], psi[k], omega_r[k], u[k], vdc[k], torque_ref[k], psi_ref[k])
 
 
 def as_complex(vectors: FloatArray) -> np.ndarray:
@@ -299,8 +299,8 @@ def as_complex(vectors: FloatArray) -> np.ndarray:
 def _arguments(drive: MptcDrive, trace: MptcTrace) -> tuple[Any, ...]:
     """What `_run` and `_margins` take of a drive and a trace."""
     return (
-        ideal_parameters(drive), drive.inverter.vdc, as_complex(trace.i_s), as_complex(trace.psi_s),
-        trace.omega_r, trace.torque_ref, trace.psi_ref, trace.u,
+        ideal_parameters(drive), trace.link(drive.inverter.vdc), as_complex(trace.i_s),
+        as_complex(trace.psi_s), trace.omega_r, trace.torque_ref, trace.psi_ref, trace.u,
     )  # fmt: skip
 
 

@@ -452,7 +452,7 @@ def _run(p, vdc, i, psi, omega_r, torque_ref, psi_ref, vectors, times, out_vecto
         applied = VectorSequence(
             vectors[k, 0], vectors[k, 1], vectors[k, 2], times[k, 0], times[k, 1]
         )
-        s, _, _ = decide(p, i[k], psi[k], omega_r[k], applied, vdc, torque_ref[k], psi_ref[k])
+        s, _, _ = decide(p, i[k], psi[k], omega_r[k], applied, vdc[k], torque_ref[k], psi_ref[k])
         out_vectors[k, 0], out_vectors[k, 1], out_vectors[k, 2] = s.u1, s.u2, s.u3
         out_times[k, 0], out_times[k, 1] = s.t1, s.t2
 
@@ -485,7 +485,7 @@ def run(drive: MptcDrive, trace: MptcTrace) -> MptcDecisions:
     vectors, times = np.empty((n, 3), dtype=np.int64), np.empty((n, 2))
     _run(
         sequence_parameters(drive),
-        drive.inverter.vdc,
+        trace.link(drive.inverter.vdc),
         as_complex(trace.i_s),
         as_complex(trace.psi_s),
         trace.omega_r,

@@ -45,7 +45,8 @@ _TIMES = ("t1", "t2")
 #: What the last digits of two decimals may add to their sum.
 _ROUNDING = 1e-9
 _MEASURED = tuple(Column(name) for name in _REAL)
-_TRACE_COLUMNS = (*_MEASURED, Column("u", 0, 7))
+_LINK = Column("v_dc", optional=True)
+_TRACE_COLUMNS = (*_MEASURED, Column("u", 0, 7), _LINK)
 #: `u` beside a sequence, without meaning.
 _ANY_VECTOR = Column("u", -(2**31), 2**31 - 1)
 _SEQUENCE_COLUMNS = (*(Column(name, 0, 7) for name in _VECTORS), *map(Column, _TIMES))
@@ -88,6 +89,8 @@ class MptcTrace:
         Vectors that are being applied in this period, in order; None: `u` for all of it.
     times : (n, 2) or None
         Fractions of the period of the first two.
+    v_dc : (n,) or None
+        dc-link voltage, V; None: that of the drive.
     """
 
     i_s: FloatArray
@@ -98,9 +101,25 @@ class MptcTrace:
     u: IntArray
     vectors: IntArray | None = None
     times: FloatArray | None = None
+    v_dc: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.u)
+
+    def link(self, nominal: float) -> FloatArray:
+        """The dc-link voltage of every row.
+
+        Parameters
+        ----------
+        nominal : float
+            That of the drive, V.
+
+        Returns
+        -------
+        ndarray of float64, shape (n,)
+            V.
+        """
+        return np.full(len(self), nominal) if self.v_dc is None else self.v_dc
 
     def rows(self, selection: slice | NDArray[np.bool_] | IntArray) -> MptcTrace:
         """Pick rows as numpy indexing does.
@@ -129,6 +148,7 @@ class MptcTrace:
             self.u[selection],
             None if self.vectors is None else self.vectors[selection],
             None if self.times is None else self.times[selection],
+            None if self.v_dc is None else self.v_dc[selection],
         )
 
     def sequences(self) -> Sequences:
@@ -225,7 +245,7 @@ def read_trace(path: PathLike, *, sequences: bool = False) -> MptcTrace:
     """
     columns = _TRACE_COLUMNS
     if sequences:
-        columns = (*_MEASURED, _ANY_VECTOR)
+        columns = (*_MEASURED, _ANY_VECTOR, _LINK)
         columns += tuple(replace(column, optional=True) for column in _SEQUENCE_COLUMNS)
     table = read_table(path, columns)
     applied = None
@@ -249,6 +269,7 @@ def read_trace(path: PathLike, *, sequences: bool = False) -> MptcTrace:
         u=integers(table, "u"),
         vectors=None if applied is None else applied.vectors,
         times=None if applied is None else applied.times,
+        v_dc=floats(table, ["v_dc"])[:, 0] if "v_dc" in table else None,
     )
 
 
@@ -278,7 +299,7 @@ def write_trace(path: PathLike, trace: MptcTrace) -> None:
     real = np.column_stack(
         [trace.i_s, trace.psi_s, trace.omega_r, trace.torque_ref, trace.psi_ref]
     ).tolist()
-    header = [column.name for column in _TRACE_COLUMNS]
+    header = [*_REAL, "u"]
     rows = [
         [*map(repr, values), str(int(u))]
         for values, u in zip(real, np.asarray(trace.u).tolist(), strict=True)
@@ -287,6 +308,10 @@ def write_trace(path: PathLike, trace: MptcTrace) -> None:
         header += [*_VECTORS, *_TIMES]
         more = _sequence_fields(trace.vectors, trace.times)
         rows = [[*row, *fields] for row, fields in zip(rows, more, strict=True)]
+    if trace.v_dc is not None:
+        header.append("v_dc")
+        link = np.asarray(trace.v_dc, dtype=np.float64).tolist()
+        rows = [[*row, repr(value)] for row, value in zip(rows, link, strict=True)]
     write_table(path, header, rows)
 
 

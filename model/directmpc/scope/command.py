@@ -21,7 +21,7 @@ from directmpc.host.spi import SpiStream
 from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
-from directmpc.scope.record import Record, of_files, of_result
+from directmpc.scope.record import Record, of_files, of_result, of_table
 from directmpc.scope.signals import AnyDrive
 
 if TYPE_CHECKING:
@@ -53,7 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser, *, demo: bool = False) -> Non
     """
     if not demo:
         parser.add_argument(
-            "source", help="port of a board (spi: before it for SPI); virtual; or a trace (CSV)"
+            "source",
+            help="port of a board (spi: before it for SPI); virtual; a trace, or the table of a "
+            "recording (CSV)",
         )
         parser.add_argument("--decisions", type=Path, help="decisions on the trace (CSV)")
         parser.add_argument("--baud", type=int, help=f"bit rate of the port, {BAUD} by default")
@@ -101,9 +103,17 @@ def run(given: argparse.Namespace) -> int:
         stack.enter_context(terminable())
         live: Live | None = None
         if source != VIRTUAL and path.suffix == ".csv":
-            drive = load_drive(given.drive or _drive_of(path))
-            record = of_files(drive, path, given.decisions)
-            title = f"{path.name} · {given.drive or _drive_of(path)}"
+            names = _names(path)
+            given.drive = given.drive or DEFAULTS["mptc" if "psis_alpha" in names else "mpdcc"]
+            if "gates" in names:  # what a board's recorder held
+                if given.decisions:
+                    raise ScopeError(f"{path}: it has its decisions; leave --decisions out")
+                drive = drive_of_cores(given.drive)
+                record = of_table(drive, path)
+            else:
+                drive = load_drive(given.drive)
+                record = of_files(drive, path, given.decisions)
+            title = f"{path.name} · {given.drive}"
         else:
             drive, record, live, title = _board(stack, given, source)
         server = _imported().Server(record, live, title, _token(given.host))
@@ -124,11 +134,11 @@ def _imported() -> Any:
     return server
 
 
-def _drive_of(path: Path) -> str:
-    """The shipped drive that a trace may be of, by its columns."""
+def _names(path: Path) -> list[str]:
+    """Columns of a file."""
     try:
-        with path.open(encoding="utf-8") as file:
-            return DEFAULTS["mptc" if "psis_alpha" in file.readline() else "mpdcc"]
+        with path.open(encoding="utf-8-sig") as file:
+            return file.readline().strip().split(",")
     except (OSError, ValueError) as error:
         raise ScopeError(f"{path}: {getattr(error, 'strerror', None) or 'no text'}") from None
 

@@ -11,7 +11,7 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from typing import Any
 
@@ -28,7 +28,7 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.formats import MEASUREMENTS
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.formats import measurement_formats
-from directmpc.scope.record import GateCourse, Record, positions_of
+from directmpc.scope.record import GateCourse, Record, of_recording, positions_of
 from directmpc.scope.rigs import FiveLevelRig, Rig, Setting, TwoLevelRig, parameters_of
 from directmpc.scope.signals import fault_names
 
@@ -42,6 +42,10 @@ FAILURES = (
     ValueError,
 )
 _LOOKS = 50
+_KEPT = 8
+"""Recordings of the board that are kept."""
+_POLL, _THEIRS = 0.5, 2.0
+"""Between two looks at the board's recorder, s, and after another host has used it."""
 FASTEST = 5_000
 """Most steps a second that can be asked for."""
 
@@ -67,6 +71,10 @@ class OrderError(Exception):
     def __init__(self, why: str, outcome: int = -1, last: int = 0) -> None:
         super().__init__(why)
         self.told = {"why": why, "outcome": outcome, "last": last}
+
+
+class _InterruptedError(Exception):
+    """The recorder is somebody else's now."""
 
 
 class Tap(Link):
@@ -128,6 +136,10 @@ class Live(threading.Thread):
     ----------
     settings : list of Setting
         What can be set.
+    recordings : dict of int to Record
+        What the board's recorder held, by number; the last ones.
+    recorder : bool
+        Whether it has one.
     """
 
     def __init__(
@@ -153,15 +165,23 @@ class Live(threading.Thread):
             queue.SimpleQueue()
         )
         self._writes: deque[tuple[int, int]] = deque()
+        self.recordings: dict[int, Record] = {}
+        self.recorder = board.has_recorder
+        self._recorded, self._touched, self._next_look = 0, 0, 0.0
+        self._held: tuple[int, ...] = ()
+        self._due = self._since = time.monotonic()
+        self._counted = 0
         self._committed: tuple[Drive | MptcDrive, Mapping[str, float], Future[Any]] | None = None
         self._running = self._closing = False
-        self._events: list[dict[str, Any]] = []
+        self._events: deque[dict[str, Any]] = deque(maxlen=20)
         self._error, self._rate, self._gates = "", 0.0, 0
         formats = measurement_formats(drive) if isinstance(drive, MptcDrive) else MEASUREMENTS
         self._formats = list(formats.items())
         self._course = GateCourse(drive)
         self._later: list[tuple[float, int]] = []
         self._forget()
+        registers = registers_of(drive.controller)
+        self._own = [at for name, (at, _) in registers.items() if name.startswith("recorder.")]
         self._loaded: dict[str, int] = {}
         # compiled before a watchdog runs
         self._rig.state()
@@ -175,7 +195,7 @@ class Live(threading.Thread):
         Parameters
         ----------
         name : str
-            "start", "stop", "clear", "set" or "trip".
+            "start", "stop", "clear", "set", "trip" or "record".
         values : any
             For "set": keys of settings to values, in the units of the drive file.
 
@@ -190,6 +210,7 @@ class Live(threading.Thread):
             "clear": self._clear,
             "set": self._set,
             "trip": self._trip,
+            "record": self._record,
         }
         done: Future[None] = Future()
         if name not in known:
@@ -232,7 +253,7 @@ class Live(threading.Thread):
             "gates": self._gates,
             "rate": round(self._rate, -1),
             "error": self._error,
-            "events": self._events[-20:],
+            "events": list(self._events),
         }
 
     def close(self) -> None:
@@ -244,22 +265,27 @@ class Live(threading.Thread):
 
     def run(self) -> None:
         """Carry out orders and steps until it is closed."""
-        due, counted, since = time.monotonic(), 0, time.monotonic()
         while not self._closing:
-            self._carry_out(0.0 if self._running else 0.05)
-            if not self._running:
-                due = since = time.monotonic()
-                counted, self._rate = 0, 0.0
-                continue
-            if self._pace is not None and self._pace.value < FASTEST:
-                due = max(due + 1 / self._pace.value, time.monotonic() - 0.1)
-                if (wait := due - time.monotonic()) > 0:
-                    time.sleep(wait)
-            self._step()
-            counted += 1
-            if (now := time.monotonic()) - since > 0.5:
-                self._rate, counted, since = counted / (now - since), 0, now
+            self._turn(0.05)
+            self._look()
         self._off()
+
+    def _turn(self, wait: float) -> None:
+        """Carry out orders, then a step if the drive runs."""
+        self._carry_out(0.0 if self._running else wait)
+        if not self._running:
+            self._due = self._since = time.monotonic()
+            self._counted, self._rate = 0, 0.0
+            return
+        if self._pace is not None and self._pace.value < FASTEST:
+            self._due = max(self._due + 1 / self._pace.value, time.monotonic() - 0.1)
+            if (wait := self._due - time.monotonic()) > 0:
+                time.sleep(wait)
+        self._step()
+        self._counted += 1
+        if (now := time.monotonic()) - self._since > 0.5:
+            self._rate = self._counted / (now - self._since)
+            self._counted, self._since = 0, now
 
     def _carry_out(self, wait: float) -> None:
         """Do what has been ordered."""
@@ -316,9 +342,75 @@ class Live(threading.Thread):
         except (LinkError, RefusedError) as error:
             self._error = str(error)
         self._note_edges(False)
+        self._next_look = 0.0
 
     def _event(self, kind: str, names: list[str]) -> None:
         self._events.append({"kind": kind, "names": names, "row": max(0, self.record.total - 1)})
+
+    # ---- the recorder of the board ----
+
+    def _look(self) -> None:
+        """Look for a recording from time to time; a step lies between two requests."""
+        if not self.recorder or time.monotonic() < self._next_look:
+            return
+        self._next_look = time.monotonic() + _POLL
+        began = self._touched
+
+        def meanwhile() -> None:
+            self._turn(0.0)
+            if self._touched != began or self._closing:
+                raise _InterruptedError
+
+        try:
+            self._read(meanwhile)
+        except _InterruptedError:
+            pass
+        except FAILURES as error:
+            self._error = str(error)
+
+    def _read(self, meanwhile: Callable[[], None]) -> bool:
+        """Offer a recording that has ended and is new; whether there is one, new or not."""
+        status = self._board.recorder_status()
+        if not status.triggered or status.recording:
+            return False
+        newest = self._board.recording(1, self._drive, meanwhile).fields.values()
+        held = (status.next_row, *(int(column[-1]) for column in newest if len(column)))
+        if held == self._held:
+            return True
+        found = self._board.recording(None, self._drive, meanwhile)
+        latched = [name for name, value in self._board.read("system.faults").items() if value]
+        cause = [n for c in found.cause for n in (latched if c == "fault" and latched else [c])]
+        record = of_recording(self._drive, found.columns, found.trigger, cause)
+        self._held, self._recorded = held, self._recorded + 1
+        self.recordings[self._recorded] = record
+        self.recordings.pop(self._recorded - _KEPT, None)
+        row = len(found) - 1 if found.trigger is None else found.trigger
+        self._events.append(
+            {
+                "kind": "recorder",
+                "names": cause,
+                "row": row,
+                "rows": len(found),
+                "recording": self._recorded,
+            }
+        )
+        if found.cause == ("manual",):
+            self._arm()
+        return True
+
+    def _arm(self) -> None:
+        self._held = ()
+        self._board.write("recorder.command", arm=1)
+
+    def _record(self) -> None:
+        """Trigger the recorder: what it holds is read then, and it goes on."""
+        if not self.recorder:
+            raise OrderError("the board has no recorder")
+        status = self._board.recorder_status()
+        if status.triggered and not status.recording:
+            raise OrderError("the recorder has stopped; Events lists what it holds")
+        self._board.trigger_recorder()
+        self._next_look = 0.0
 
     def _start(self) -> None:
         if self._running:
@@ -329,6 +421,10 @@ class Live(threading.Thread):
         cleared = self._board.read("system.faults")
         if latched := [name for name, value in cleared.items() if value]:
             raise OrderError(f"faults are latched: {', '.join(latched)}; clear them first")
+        if self.recorder:
+            self._touched += 1
+            if self._read(lambda: None):
+                self._arm()
         self._board.start()
         self._running = True
 
@@ -410,7 +506,11 @@ class Live(threading.Thread):
             raise OrderError("no request of a link")
         control = registers_of(self._drive.controller)["system.control"][0]
         disables = kind == Type.WRITE and payload == control.to_bytes(2, "little") + bytes(4)
-        if self._running and kind in (Type.WRITE, Type.STEP):
+        records = kind == Type.WRITE and int.from_bytes(payload[:2], "little") in self._own
+        if records:  # it reads the recorder
+            self._touched += 1
+            self._next_look = time.monotonic() + _THEIRS
+        elif self._running and kind in (Type.WRITE, Type.STEP):
             if not disables:
                 raise OrderError("the scope runs the drive; stop it there first")
             self._stop()
@@ -488,6 +588,7 @@ class Live(threading.Thread):
             "gates": answer.gates,
             "running": running,
         }
+        row["leakage"] = math.nan  # no reply has it
         columns = self.record.signals.columns
         self.record.append(np.array([[row[name] for name in columns]], np.float64))
         self._gates = answer.gates

@@ -9,10 +9,10 @@ from __future__ import annotations
 import csv
 import io
 import itertools
+import math
 import os
 import tempfile
 import threading
-from collections import deque
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -22,11 +22,13 @@ from numpy.typing import NDArray
 
 from directmpc.api.simulation import SimulationResult
 from directmpc.host.gate_guard import LEGS
+from directmpc.host.recorder import read_recording
 from directmpc.mpdcc import trace as five_trace
+from directmpc.mpdcc.drive import Drive
 from directmpc.mptc import trace as two_trace
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import STATES
-from directmpc.scope.signals import PHASES, AnyDrive, FloatArray, Signals
+from directmpc.scope.signals import PHASES, AnyDrive, FloatArray, Signals, fault_names
 
 CAPACITY = 100_000
 """Rows that are kept."""
@@ -50,18 +52,21 @@ class Record:
         Time of a row, s.
     total : int
         Rows that have been added.
-    edges : deque of (float, int)
-        Times in s and gates, of each change of a gate.
     edge_total : int
-        Edges that have been added.
+        Changes of a gate that have been added.
+    events : list of dict
+        What the page lists of a run that is over: kind, names, row.
     """
 
     def __init__(self, drive: AnyDrive, capacity: int = CAPACITY) -> None:
         self.drive, self.signals, self.ts = drive, Signals(drive), float(drive.control.ts)
-        self._rows = np.zeros((capacity, len(self.signals.columns)))
+        # all of its memory from the beginning: what it takes does not grow with a run
+        self._rows = np.full((capacity, len(self.signals.columns)), math.nan)
+        self._times = np.full(2 * capacity, math.nan)
+        self._words = np.full(2 * capacity, 0xFFFF_FFFF, np.uint32)
         self._lock = threading.Lock()
         self.total = self.edge_total = 0
-        self.edges: deque[tuple[float, int]] = deque(maxlen=2 * capacity)
+        self.events: list[dict[str, Any]] = []
 
     @property
     def first(self) -> int:
@@ -73,6 +78,17 @@ class Record:
             0 while none has been forgotten.
         """
         return max(0, self.total - len(self._rows))
+
+    @property
+    def first_edge(self) -> int:
+        """Number of the oldest change of a gate that is kept.
+
+        Returns
+        -------
+        int
+            0 while none has been forgotten.
+        """
+        return max(0, self.edge_total - len(self._times))
 
     def append(self, rows: FloatArray) -> None:
         """Add rows.
@@ -96,8 +112,9 @@ class Record:
             Time in s and gates, in order of time.
         """
         with self._lock:
-            for edge in edges:
-                self.edges.append(edge)
+            for time, word in edges:
+                place = self.edge_total % len(self._times)
+                self._times[place], self._words[place] = time, word
                 self.edge_total += 1
 
     def table(self, first: int, last: int) -> dict[str, FloatArray]:
@@ -132,8 +149,10 @@ class Record:
             Those that are kept.
         """
         with self._lock:
-            skipped = max(0, number - (self.edge_total - len(self.edges)))
-            return list(itertools.islice(self.edges, skipped, None))
+            first = max(number, self.first_edge)
+            places = np.arange(first, self.edge_total) % len(self._times)
+            found = self._times[places].tolist(), self._words[places].tolist()
+        return list(zip(*found, strict=True))
 
 
 class GateCourse:
@@ -219,25 +238,11 @@ def positions_of(signals: Signals, row: Mapping[str, float]) -> list[int]:
     return STATES[int(row["next_u"])].tolist()
 
 
-def of_columns(drive: AnyDrive, columns: Mapping[str, NDArray[Any]]) -> Record:
-    """A record of a whole run.
-
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        What decided.
-    columns : mapping of str to ndarray, shape (n,)
-        At least those of a trace and of its decisions; what is missing beside is 0, bounds are the
-        drive's, and the gates are on.
-
-    Returns
-    -------
-    Record
-        Large enough for all of it.
-    """
+def _filled(drive: AnyDrive, columns: Mapping[str, NDArray[Any]]) -> Record:
+    """A record of columns; what is missing is as the drive has it, or 0, and the gates are on."""
     count = len(next(iter(columns.values())))
     record = Record(drive, max(count, 1))
-    usual: dict[str, float] = {"running": 1.0}
+    usual: dict[str, float] = {"running": 1.0, "v_dc": drive.inverter.vdc, "leakage": 1.0}
     for name in ("bound_current", "bound_vn", "bound_vph"):
         usual[name] = getattr(drive.control, name, 0.0)
     record.append(
@@ -248,11 +253,6 @@ def of_columns(drive: AnyDrive, columns: Mapping[str, NDArray[Any]]) -> Record:
             ]
         )
     )
-    course, table = GateCourse(drive), record.table(0, count)
-    for k in range(count):
-        row = {name: column[k] for name, column in table.items()}
-        positions = positions_of(record.signals, row)
-        record.add_edges(course.step(k, positions, bool(row["running"])))
     return record
 
 
@@ -274,6 +274,93 @@ def of_result(result: SimulationResult) -> Record:
         if (values := getattr(result.decisions, name, None)) is not None:
             columns["cycles" if name == "cycles" else "next_exhausted"] = values
     return of_columns(result.drive, columns)
+
+
+def of_columns(drive: AnyDrive, columns: Mapping[str, NDArray[Any]]) -> Record:
+    """A record of a whole run.
+
+    Parameters
+    ----------
+    drive : Drive, KbestDrive or MptcDrive
+        What decided.
+    columns : mapping of str to ndarray, shape (n,)
+        At least those of a trace and of its decisions; what is missing beside is 0, bounds are the
+        drive's, and the gates are on.
+
+    Returns
+    -------
+    Record
+        Large enough for all of it; the gates follow from the decisions.
+    """
+    record = _filled(drive, columns)
+    course, table = GateCourse(drive), record.table(0, record.total)
+    for k in range(record.total):
+        row = {name: column[k] for name, column in table.items()}
+        positions = positions_of(record.signals, row)
+        record.add_edges(course.step(k, positions, bool(row["running"])))
+    return record
+
+
+def of_recording(
+    drive: Drive | MptcDrive,
+    columns: Mapping[str, NDArray[Any]],
+    trigger: int | None,
+    cause: Iterable[str],
+) -> Record:
+    """A record of what a board's recorder held.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        What the board was loaded with.
+    columns : mapping of str to ndarray, shape (n,)
+        Of `Recording.columns`.
+    trigger : int or None
+        Row that triggered.
+    cause : iterable of str
+        What did.
+
+    Returns
+    -------
+    Record
+        All of it; the gates are those that were recorded. Its time of a row is that of the steps
+        between two records.
+    """
+    gates = columns["gates"].astype(np.int64)
+    record = _filled(drive, {**columns, "running": gates != 0})
+    if len(gates) > 1:
+        record.ts *= float(np.median(np.diff(columns["step"])))
+    changes = np.flatnonzero(np.diff(gates, prepend=0))
+    record.add_edges((float(k * record.ts), int(gates[k])) for k in changes)
+    if trigger is not None:
+        record.events.append({"kind": "recorder", "names": list(cause), "row": trigger})
+    return record
+
+
+def of_table(drive: Drive | MptcDrive, path: Path) -> Record:
+    """A record of a file that `directmpc-host record --table` has written.
+
+    Parameters
+    ----------
+    drive : Drive or MptcDrive
+        What the board was loaded with.
+    path : Path
+        The file.
+
+    Returns
+    -------
+    Record
+        As `of_recording`.
+
+    Raises
+    ------
+    TraceError
+        If the file is malformed.
+    """
+    columns = read_recording(drive, path)
+    row = int(np.argmax(columns["time"] >= 0.0))
+    names = fault_names(int(columns["faults"][row])) or ["trigger"]
+    return of_recording(drive, columns, row if row else None, names)
 
 
 def of_files(drive: AnyDrive, trace: Path, decisions: Path | None) -> Record:
@@ -317,7 +404,7 @@ def of_files(drive: AnyDrive, trace: Path, decisions: Path | None) -> Record:
         columns |= {"is_alpha": seen.i_s[:, 0], "is_beta": seen.i_s[:, 1]}
         columns |= {"psis_alpha": seen.psi_s[:, 0], "psis_beta": seen.psi_s[:, 1]}
         columns |= {"omega_r": seen.omega_r, "torque_ref": seen.torque_ref, "psi_ref": seen.psi_ref}
-        columns |= {"u": seen.u}
+        columns |= {"u": seen.u, "v_dc": seen.link(drive.inverter.vdc)}
         after = {"next_u": np.append(seen.u[1:], seen.u[-1:])}
     columns |= after if decisions is None else _decided(drive, decisions, len(seen))
     return of_columns(drive, columns)
@@ -423,6 +510,7 @@ def _trace(record: Record, first: int, last: int, path: Path) -> None:
         i_s=pick("is_alpha", "is_beta"), psi_s=pick("psis_alpha", "psis_beta"),
         omega_r=t["omega_r"], torque_ref=t["torque_ref"], psi_ref=t["psi_ref"],
         u=t["u"].astype(np.int64),
+        v_dc=t["v_dc"] if (t["v_dc"] != record.drive.inverter.vdc).any() else None,
     )  # fmt: skip
     two_trace.write_trace(path, two)
 

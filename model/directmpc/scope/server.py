@@ -17,7 +17,7 @@ import json
 import secrets
 import socket
 import struct
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from http.cookies import SimpleCookie
 from pathlib import Path
 from typing import Any
@@ -219,13 +219,16 @@ class Server:
 
     async def _export(self, request: Request) -> Response:
         asked = request.query_params
+        record, _ = self._chosen(asked)
         try:
+            if record is None:
+                raise ValueError("there is no such recording; the oldest are no longer kept")
             first, last, unit = (
                 int(asked.get(n, d)) for n, d in (("first", 0), ("last", 2**62), ("unit", 0))
             )
             name, data = await run_in_threadpool(
                 records.written,
-                self.record,
+                record,
                 request.path_params["kind"],
                 first,
                 last,
@@ -251,8 +254,14 @@ class Server:
         except OrderError as error:
             return JSONResponse(error.told, 409)
 
-    def _hello(self) -> dict[str, Any]:
-        record = self.record
+    def _chosen(self, params: Mapping[str, str]) -> tuple[Record | None, Live | None]:
+        """The record that a request is about: the run, or a recording of its board."""
+        if not (number := params.get("recording")):
+            return self.record, self.live
+        kept = self.live.recordings if self.live else {}
+        return kept.get(int(number)) if number.isascii() and number.isdigit() else None, None
+
+    def _hello(self, record: Record, live: Live | None) -> dict[str, Any]:
         return {
             "hello": {
                 "title": self.title,
@@ -260,17 +269,22 @@ class Server:
                 "ts": record.ts,
                 "channels": record.signals.described(),
                 "gates": 24 if record.signals.five else 6,
-                "live": self.live is not None,
-                "settings": [s.described() for s in self.live.settings] if self.live else [],
+                "live": live is not None,
+                "recorder": live is not None and live.recorder,
+                "settings": [s.described() for s in live.settings] if live else [],
                 "presets": self.presets.all(),
             }
         }
 
     async def _socket(self, socket_: WebSocket) -> None:
         """One page: rows out, orders in, each as it comes."""
+        record, live = self._chosen(socket_.query_params)
         await socket_.accept()
-        await socket_.send_json(self._hello())
-        sending = asyncio.create_task(self._send(socket_))
+        if record is None:
+            await socket_.close(reason="there is no such recording; the oldest are no longer kept")
+            return
+        await socket_.send_json(self._hello(record, live))
+        sending = asyncio.create_task(self._send(socket_, record, live))
         try:
             while True:
                 order = json.loads(await socket_.receive_text())
@@ -307,9 +321,9 @@ class Server:
             return {"number": number, "error": f"{error.filename}: {error.strerror}"}
         return {"number": number, "settings": [s.described() for s in self.live.settings]}
 
-    async def _send(self, socket_: WebSocket) -> None:
+    async def _send(self, socket_: WebSocket, record: Record, live: Live | None) -> None:
         """Rows, edges and the state, as they change."""
-        record, row, edge, before = self.record, self.record.first, 0, None
+        row, edge, before = record.first, 0, None
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while True:
                 row = max(row, record.first)
@@ -322,18 +336,20 @@ class Server:
                     await socket_.send_bytes(head + values.tobytes())
                     row = last
                 if record.edge_total > edge:
+                    edge = max(edge, record.first_edge)
                     found = record.edges_from(edge)[:_MOST_ROWS]
-                    edge = max(edge, record.edge_total - len(record.edges)) + len(found)
+                    edge += len(found)
                     times = np.array([time for time, _ in found])
                     words = np.array([word for _, word in found], np.uint32)
                     head = struct.pack("<IIII", EDGES, 0, len(found), 0)
                     await socket_.send_bytes(head + times.tobytes() + words.tobytes())
-                state = {"rows": record.total, **(self.live.state() if self.live else {})}
+                state = {"rows": record.total, "events": record.events}
+                state |= live.state() if live else {}
                 if state != before:
                     await socket_.send_json({"state": state})
                     before = state
                 behind = record.total > row or record.edge_total > edge
-                await asyncio.sleep(0 if behind and not self.live else PERIOD)
+                await asyncio.sleep(0 if behind and not live else PERIOD)
 
 
 def serving(server: Server, host: str, port: int) -> tuple[uvicorn.Server, socket.socket]:

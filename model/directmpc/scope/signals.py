@@ -42,6 +42,7 @@ FIVE_DECISION = (
 FIVE_BOUNDS = ("bound_current", "bound_vn", "bound_vph")
 TWO_TRACE = (
     "is_alpha", "is_beta", "psis_alpha", "psis_beta", "omega_r", "torque_ref", "psi_ref", "u",
+    "v_dc",
 )  # fmt: skip
 TWO_DECISION = ("next_u", "next_saturated", "next_clamped")
 
@@ -93,8 +94,12 @@ class Signals:
         self.drive = drive
         self.five = isinstance(drive, FiveLevelDrive)
         decided = (*FIVE_DECISION, *FIVE_BOUNDS) if self.five else TWO_DECISION
+        estimates = bool(getattr(drive.control, "leakage_estimate", False))
+        decided += ("leakage",) if estimates else ()
         self.columns = (*(FIVE_TRACE if self.five else TWO_TRACE), *decided, *BOARD)
         self.channels = self._five() if self.five else self._two()
+        if estimates:
+            self.channels.append(Channel("leakage", "leakage, recorded", "leakage", style="step"))
         self._ideal = ideal.ideal_parameters(drive) if isinstance(drive, Drive) else None
 
     def described(self) -> list[dict[str, Any]]:
@@ -166,8 +171,10 @@ class Signals:
         flux = (("Wb", 1.0), ("of full scale", 1 / c.psi_max))
         rpm = 30 / math.pi / self.drive.machine.pole_pairs
         speed = (("1/min", rpm), ("of full scale", 1 / c.speed_max))
+        volt = (("V", 1.0), ("of nominal", 1 / self.drive.inverter.vdc))
         found = [Channel(f"i_{x}", f"i_{x}", "currents", current) for x in PHASES]
         found += [
+            Channel("v_dc", "v_dc", "link", volt),
             Channel("torque", "torque", "torque", torque),
             Channel("torque_ref", "reference", "torque", torque),
             Channel("flux", "|ψ|", "flux", flux),
@@ -203,7 +210,8 @@ class Signals:
         turn = np.exp(-2j * np.pi / 3 * np.arange(3))[:, None]
         current = table["is_alpha"] + 1j * table["is_beta"]
         found = dict(zip((f"i_{x}" for x in PHASES), (current * turn).real, strict=True))
-        found |= {name: table[name] for name in ("omega_r", "running", "cycles", "faults")}
+        same = ("omega_r", "running", "cycles", "faults", "v_dc", "leakage")
+        found |= {name: table[name] for name in same if name in table}
         found |= (self._of_five if self.five else self._of_two)(table, current, turn)
         return np.array([found[c.key] for c in self.channels], np.float32)
 
@@ -211,7 +219,7 @@ class Signals:
         drive = self.drive
         flux = t["psir_alpha"] + 1j * t["psir_beta"]
         wanted = ((t["iref_alpha"] + 1j * t["iref_beta"]) * turn).real
-        found = {name: t[name] for name in ("v_n", "v_dc", "omega_s")}
+        found = {name: t[name] for name in ("v_n", "omega_s")}
         for n, x in enumerate(PHASES):
             found |= {
                 f"i_{x}_low": wanted[n] - t["bound_current"],
@@ -261,11 +269,10 @@ class Signals:
         margin = np.full(len(vector), math.nan)
         if not self.drive.control.sequences:
             parameters = mptc_ideal.ideal_parameters(self.drive)
-            vdc = self.drive.inverter.vdc
             for k in range(len(vector)):
                 margin[k] = mptc_ideal.margin(
-                    parameters, current[k], flux[k], t["omega_r"][k], int(t["u"][k]), vdc,
-                    t["torque_ref"][k], t["psi_ref"][k],
+                    parameters, current[k], flux[k], t["omega_r"][k], int(t["u"][k]),
+                    t["v_dc"][k], t["torque_ref"][k], t["psi_ref"][k],
                 )  # fmt: skip
         found["margin"] = margin
         return found

@@ -5,9 +5,10 @@ import { View, viewsOf } from './views.js';
 const $ = (id) => document.getElementById(id);
 const FAULTS = ['external_trip', 'over_current', 'link_high', 'link_low', 'illegal_edge', 'late', 'missing', 'overrun', 'interlock', 'capacitor', 'neutral_point', 'over_speed', 'frozen'];
 const HISTORY = 20; // steps before a trip that a click on it shows
+const RECORDED = 1024; // steps of a board's recorder at most
 
 const page = {
-  store: null, hello: null, views: [], unit: 0, dirty: true, marks: { a: null, b: null, t: null }, dragged: false,
+  store: null, own: null, hello: null, views: [], unit: 0, dirty: true, marks: { a: null, b: null, t: null }, dragged: false,
   view: { from: 0, until: 1000, follows: true }, span: 1000, trigger: { armed: false, row: 0, since: 0 }, frames: 0, fps: 0, thd: NaN, messages: 0, bytes: 0,
   state: { running: false, events: [], rows: 0 }, settings: [], orders: new Map(), number: 0, ready: false,
 
@@ -43,7 +44,7 @@ const page = {
     const share = (centre - from) / (until - from);
     this.zoom(centre - share * size, centre + (1 - share) * size);
   },
-  follow() { this.view.follows = true; this.marks.t = null; this.shown(); },
+  follow() { this.store = this.own; this.view.follows = true; this.marks.t = null; this.shown(); },
   window() {
     if (!this.view.follows) return { from: this.view.from, until: this.view.until };
     const until = Math.max(this.store.total, this.span);
@@ -51,6 +52,7 @@ const page = {
   },
   shown() {
     $('hold').setAttribute('aria-pressed', String(!this.view.follows));
+    $('title').textContent = this.hello.title + (this.store.recording ? ' · recorder' : '');
     this.dirty = true;
   },
   place(name, row) { this.marks[name] = Math.round(row); this.dirty = true; },
@@ -59,10 +61,17 @@ window.directmpc = page; // for tests and the console
 
 // ---- the connection ----
 
+function opened(recording = '') {
+  const address = new URL('ws', location.href), found = new URLSearchParams(location.search);
+  address.protocol = address.protocol.replace('http', 'ws');
+  if (recording) found.set('recording', recording);
+  address.search = found;
+  return Object.assign(new WebSocket(address), { binaryType: 'arraybuffer' });
+}
+
 let socket;
 function connect() {
-  socket = new WebSocket(location.href.replace(/^http/, 'ws').replace(/#.*/, '').replace(/\/(\?.*)?$/, '/ws$1'));
-  socket.binaryType = 'arraybuffer';
+  socket = opened();
   socket.onmessage = ({ data }) => { page.messages++; if (typeof data === 'string') told(JSON.parse(data)); else taken(data); };
   socket.onclose = () => {
     page.ready = false;
@@ -75,14 +84,44 @@ function connect() {
 
 function taken(data) {
   page.bytes += data.byteLength;
-  const [kind, from, count, channels] = new Uint32Array(data, 0, 4);
-  if (kind === 1) {
-    page.store.add(from, count, new Float32Array(data, 16, count * channels));
-    if (!page.hello.live && from === page.store.first) page.zoom(from, from + Math.min(1000, Math.max(20, count)));
+  const [from, count] = filled(page.own, data);
+  if (count) {
+    if (!page.hello.live && from === page.own.first) page.zoom(from, from + Math.min(1000, Math.max(20, count)));
     triggered();
   }
-  else page.store.addEdges(new Float64Array(data, 16, count), new Uint32Array(data, 16 + 8 * count, count));
   page.dirty = true;
+}
+
+// Rows or edges into a store; first and number of the rows.
+function filled(store, data) {
+  const [kind, from, count, channels] = new Uint32Array(data, 0, 4);
+  if (kind === 1) { store.add(from, count, new Float32Array(data, 16, count * channels)); return [from, count]; }
+  store.addEdges(new Float64Array(data, 16, count), new Uint32Array(data, 16 + 8 * count, count));
+  return [0, 0];
+}
+
+// What the board's recorder held: a store of its own, fetched once.
+const recordings = new Map();
+function recording(number) {
+  if (!recordings.has(number)) recordings.set(number, new Promise((yes, no) => {
+    const from = opened(number);
+    let store;
+    from.onclose = ({ reason }) => { recordings.delete(number); no(new Error(reason || 'not connected')); };
+    from.onmessage = ({ data }) => {
+      if (typeof data !== 'string') { filled(store, data); return; }
+      const { hello, state } = JSON.parse(data);
+      if (hello) store = Object.assign(new Store(hello.channels, hello.ts, RECORDED), { recording: number });
+      if (state) { from.onclose = null; from.close(); yes(store); }
+    };
+  }));
+  return recordings.get(number);
+}
+
+// The steps before an event.
+async function look(event) {
+  try { page.store = event.recording ? await recording(event.recording) : page.own; } catch ({ message }) { say(message); return; }
+  page.marks.t = event.row;
+  page.zoom(event.row - HISTORY, event.row + 2);
 }
 
 function told(message) {
@@ -113,7 +152,7 @@ function status(text, kind = '') { $('status').textContent = text; $('status').c
 
 function stated() {
   const { running, error, rate, events = [], rows } = page.state;
-  const last = events.at(-1);
+  const last = events.findLast((event) => event.kind !== 'recorder');
   if (!page.hello.live) status(`${rows} steps recorded`);
   else if (running) status(`running, ${rate || '…'} steps/s`, 'on');
   else if (error) status(`off: ${error}`, 'fault');
@@ -127,8 +166,8 @@ function stated() {
   $('events').replaceChildren(...[...events].reverse().map((event) => {
     const item = document.createElement('li'), button = document.createElement('button');
     button.className = event.kind;
-    button.textContent = `${event.kind} ${event.names.join(', ')} at ${(event.row * page.store.ts).toFixed(4)} s`;
-    button.onclick = () => { page.marks.t = event.row; page.zoom(event.row - HISTORY, event.row + 2); };
+    button.textContent = `${event.kind} ${event.names.join(', ')}${event.recording ? `: ${event.rows} steps` : ` at ${(event.row * page.own.ts).toFixed(4)} s`}`;
+    button.onclick = () => look(event);
     item.append(button);
     return item;
   }));
@@ -193,10 +232,10 @@ async function set(values) {
 
 // ---- trigger ----
 
-const CONDITIONS = { fault: (k) => page.store.at('faults', k) > 0, deadlock: (k) => page.store.at('deadlock', k) > 0, saturated: (k) => page.store.at('saturated', k) > 0 };
+const CONDITIONS = { fault: (k) => page.own.at('faults', k) > 0, deadlock: (k) => page.own.at('deadlock', k) > 0, saturated: (k) => page.own.at('saturated', k) > 0 };
 
 function arm(mode) {
-  page.trigger = { armed: mode !== 'off', row: -1, since: page.hello.live ? page.store.total : page.store.first };
+  page.trigger = { armed: mode !== 'off', row: -1, since: page.hello.live ? page.own.total : page.own.first };
   $('mode').value = mode;
   if (mode !== 'off') page.follow();
   armed();
@@ -205,13 +244,13 @@ function arm(mode) {
 function armed() { $('armed').textContent = $('mode').value === 'off' ? '' : page.trigger.row >= 0 ? 'triggered' : 'armed'; }
 
 function triggered() {
-  const t = page.trigger, store = page.store, mode = $('mode').value;
+  const t = page.trigger, store = page.own, mode = $('mode').value;
   if (mode === 'off' || (!t.armed && t.row < 0)) return;
   const after = Math.round(page.span * (1 - $('before').value / 100));
   if (t.row < 0) {
     const source = $('source').value, test = CONDITIONS[source], up = $('edge').value === 'up';
     const level = $('level').value / (test ? 1 : page.channel(source).units[page.unit][1]);
-    const over = test ? (k) => test(k) : (k) => (up ? store.at(source, k) >= level : store.at(source, k) <= level);
+    const over = test ? test : (k) => (up ? store.at(source, k) >= level : store.at(source, k) <= level);
     for (let k = Math.max(t.since, store.first + 1); k < store.total; k++) {
       if (over(k) && !over(k - 1)) { t.row = k; t.armed = false; break; }
     }
@@ -219,6 +258,7 @@ function triggered() {
     armed();
   }
   if (t.row >= 0 && (store.total >= t.row + after || !page.state.running)) {
+    page.store = store;
     page.marks.t = t.row;
     page.zoom(t.row + after - page.span, t.row + after);
     if (mode === 'normal') page.trigger = { armed: true, row: -1, since: store.total };
@@ -333,11 +373,12 @@ function begin(hello) {
   const again = page.hello !== null;
   page.hello = hello;
   document.title = `scope · ${hello.title}`;
-  $('title').textContent = hello.title;
-  page.store = new Store(hello.channels, hello.ts, KEPT);
+  recordings.clear();
+  page.store = page.own = new Store(hello.channels, hello.ts, KEPT);
   page.marks = { a: null, b: null, t: null };
   $('drive').hidden = !hello.live;
   $('settings').hidden = !hello.live;
+  $('record').hidden = !hello.recorder;
   presets(hello.presets);
   settings(hello.settings);
   const usual = viewsOf(hello);
@@ -363,6 +404,7 @@ $('start').onclick = () => { page.follow(); order('start'); };
 $('stop').onclick = () => order('stop');
 $('clear').onclick = () => order('clear');
 $('trip').onclick = () => order('trip');
+$('record').onclick = () => order('record');
 $('hold').onclick = () => (page.view.follows ? page.zoom(page.window().from, page.window().until) : page.follow());
 $('whole').onclick = () => page.zoom(page.store.first, Math.max(page.store.total, page.store.first + 10));
 $('narrower').onclick = () => page.scale(0.5);
@@ -378,7 +420,7 @@ $('forget').onclick = () => order('preset', { name: $('presets').value, value: n
 for (const link of document.querySelectorAll('#export a')) {
   link.onclick = () => {
     const { from, until } = page.window();
-    link.href = `export/${link.dataset.kind}?first=${Math.max(from, page.store.first)}&last=${Math.min(until, page.store.total)}&unit=${page.unit}`;
+    link.href = `export/${link.dataset.kind}?first=${Math.max(from, page.store.first)}&last=${Math.min(until, page.store.total)}&unit=${page.unit}&recording=${page.store.recording || ''}`;
   };
 }
 document.addEventListener('keydown', (e) => {
