@@ -102,7 +102,7 @@ def self_test(board: Board) -> tuple[str, ...]:
     inside = _inside(board)
     lacking, came = [], []
 
-    def provoke(fault: str, cause: str, words: dict[str, int] | None) -> None:
+    def _provoke(fault: str, cause: str, words: dict[str, int] | None) -> None:
         """Enable, measure, and see whether this fault alone comes."""
         for _ in range(ATTEMPTS):
             board.write("system.control")
@@ -121,10 +121,10 @@ def self_test(board: Board) -> tuple[str, ...]:
     try:
         _commit(board, DECISION_LIMIT, LONGEST)
         for fault, name, word in _beyond(board):
-            provoke(fault, f"{name} = {word}", inside | {name: word})
-        provoke("late", f"a decision limit of {DECISION_LIMIT} clocks", inside)
+            _provoke(fault, f"{name} = {word}", inside | {name: word})
+        _provoke("late", f"a decision limit of {DECISION_LIMIT} clocks", inside)
         _commit(board, LONGEST, WATCHDOG)
-        provoke("missing", f"a watchdog of {WATCHDOG} clocks", None)
+        _provoke("missing", f"a watchdog of {WATCHDOG} clocks", None)
     finally:
         _commit(board, *(time["clocks"] for time in kept.values()))
         board.write("system.faults", **dict.fromkeys(board.read("system.faults"), 1))
