@@ -19,7 +19,7 @@ from rich.table import Table
 from directmpc.api.simulation import UNREACHED, plant_with
 from directmpc.host.console import progress_bar
 from directmpc.loads.load import CLARKE_INVERSE
-from directmpc.mpdcc import ideal, metrics
+from directmpc.mpdcc import ideal, metrics, tables
 from directmpc.mpdcc.bit_true import common, fast
 from directmpc.mpdcc.capacitor_observer import CapacitorFilter
 from directmpc.mpdcc.closed_loop import (
@@ -32,7 +32,6 @@ from directmpc.mpdcc.closed_loop import (
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measured
 from directmpc.mpdcc.formats import LENGTH_WIDTH, MEASUREMENTS
-from directmpc.mpdcc.inverter import POSITIONS, phase_voltages
 from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.observer import FluxObserver
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
@@ -254,7 +253,7 @@ def _of_deadlocks(run: Run) -> str:
     # what is measured outside its bound at the start makes every candidate dead
     rows = result.seen
     errors = (rows.iref - rows.x_m[:, :2]) @ CLARKE_INVERSE.T
-    capacitors = rows.x_inv[:, 1:] - rows.vdc[:, None] / 4
+    capacitors = rows.x_inv[:, 1:] - run.drive.converter.capacitor_share * rows.vdc[:, None]
     start = np.abs(np.column_stack([errors, rows.x_inv[:, :1], capacitors]))
     begun = np.any(start > bounds, axis=1)
     if control.outside_rule == "dead" and 2 * int((dead & begun).sum()) > int(dead.sum()):
@@ -306,19 +305,19 @@ def outcome(run: Run) -> Table:
         distortion = f"{100 * summary.thd_mean:.2f} % (sampled every control step)"
     except ValueError:
         distortion = "not stated: less than one fundamental period"
-    switching = metrics.switching_frequency(result.positions, drive.control.ts, drive.converter)
+    leg, bounds = drive.converter, _bounds(drive)
+    switching = metrics.switching_frequency(result.positions, drive.control.ts, leg)
     excess = metrics.bound_violations(result, drive.bounds)
     table.add_row("current THD", distortion)
     table.add_row(
         "switching frequency",
-        f"{switching.per_device:.0f} Hz per device, 24 logical; "
-        f"{switching.per_physical_device:.0f} Hz, 36 physical",
+        f"{switching.per_device:.0f} Hz per device, {leg.logical_devices} logical; "
+        f"{switching.per_physical_device:.0f} Hz, {leg.physical_devices} physical",
     )
     table.add_row(
         "largest excess over the bound",
-        f"currents {excess[:3].max():.4f}, v_n {excess[3]:.4f}, v_ph {excess[4:].max():.4f} pu "
-        f"(bounds {drive.control.bound_current:g}, {drive.control.bound_vn:g}, "
-        f"{drive.control.bound_vph:g})",
+        ", ".join(f"{name} {excess[rows].max():.4f}" for _, name, rows, _ in bounds)
+        + f" pu (bounds {', '.join(f'{bound:g}' for *_, bound in bounds)})",
     )
     table.add_row("saturated", counted(int(result.decisions.saturated.sum()), "decision"))
     return table
@@ -358,14 +357,20 @@ def latency(run: Run) -> Table:
     fast = run.variant == "fast"
     worst = worst_cycles(run.variant, run.explorers, **(options if fast else {}))
     _add("worst case, any input", worst)
-    _add("Paper A, Table II, worst case", paper_a.CYCLES.get(run.explorers))
+    if run.drive.inverter.topology == tables.DEFAULT:
+        _add("Paper A, Table II, worst case", paper_a.CYCLES.get(run.explorers))
     return table
 
 
-def levels(positions: IntArray) -> IntArray:
-    """Voltage levels of a leg: positions 1 and 2 make the same voltage, so do 3 and 4, 5 and 6."""
-    made = [phase_voltages((s, s, s), 4.0, 0.0, np.ones(3))[0] for s in range(POSITIONS)]
-    return np.rint(made).astype(np.int64)[positions]
+def _bounds(drive: Drive) -> list[tuple[str, str, slice, float]]:
+    """What has a bound: name, short name, place among the outputs, half width."""
+    leg, control = drive.converter, drive.control
+    found = [("currents", "currents", slice(0, 3), control.bound_current)]
+    if leg.neutral.any():
+        found.append(("neutral point", "v_n", slice(3, 4), control.bound_vn))
+    if leg.capacitor.any():
+        found.append(("phase capacitors", "v_ph", slice(4, 7), control.bound_vph))
+    return found
 
 
 def machine_voltages(run: Run) -> NDArray[np.float64]:
@@ -373,7 +378,7 @@ def machine_voltages(run: Run) -> NDArray[np.float64]:
     result = run.result
     legs = np.array(
         [
-            phase_voltages(s, vdc, state[4], state[5:])
+            run.drive.converter.phase_voltages(s, vdc, state[4], state[5:])
             for s, vdc, state in zip(
                 result.positions[1:], result.profile.vdc, result.state[:-1], strict=True
             )
@@ -413,12 +418,15 @@ def draw(run: Run, path: Path) -> None:
     reference = (
         np.column_stack([result.profile.iref.real, result.profile.iref.imag]) @ CLARKE_INVERSE.T
     )
+    leg, bounds = drive.converter, drive.control
+    heights = [3.0, 2.4, 1.6, 1.3]
+    heights += [1.2] * bool(leg.neutral.any()) + [1.5] * bool(leg.capacitor.any())
     figure, axes = plt.subplots(
-        6, 1, figsize=(9.0, 11.0), sharex=True, height_ratios=(3.0, 2.4, 1.6, 1.3, 1.2, 1.5),
+        len(heights), 1, figsize=(9.0, sum(heights)), sharex=True, height_ratios=heights,
         layout="constrained",
     )  # fmt: skip
-    current, level, voltage, turning, neutral, capacitors = axes
-    bounds, made = drive.control, levels(result.positions)
+    current, level, voltage, turning, *others = axes
+    made = leg.level[result.positions]
     for phase in range(3):
         middle, colour = reference[:, phase], COLOURS[phase]
         current.fill_between(
@@ -433,7 +441,6 @@ def draw(run: Run, path: Path) -> None:
             t, np.append(made[1:, phase], made[-1, phase]) + lane, where="post", color=colour,
             linewidth=0.8,
         )  # fmt: skip
-        capacitors.plot(t, result.state[:, 5 + phase], color=colour, linewidth=0.9)
     current.set_ylabel("phase currents (pu)")
     in_si(current, base.current, "(A)")
     # above the axes: a run of any speed and load may fill them
@@ -463,25 +470,30 @@ def draw(run: Run, path: Path) -> None:
     omega, rated = 2.0 * math.pi * base.frequency, 1.5e-3 * base.voltage * base.current
     in_si(turning, rated / omega if turns else rated, "(kN m per\npole pair)" if turns else "(kW)")
     turning.margins(y=0.15)
-    neutral.axhspan(-bounds.bound_vn, bounds.bound_vn, color="0.93", linewidth=0)
-    neutral.plot(t, result.state[:, 4], color="0.2", linewidth=0.9)
-    neutral.set_ylabel("neutral\npoint (pu)")
-    in_si(neutral, base.voltage, "(V)")
-    quarter = result.profile.vdc[0] / 4
-    capacitors.axhspan(
-        quarter - bounds.bound_vph, quarter + bounds.bound_vph, color="0.93", linewidth=0
-    )
-    capacitors.set_ylabel("phase capacitors\na, b, c (pu)")
-    in_si(capacitors, 1e-3 * base.voltage, "(kV)")
-    capacitors.set_xlabel("time (ms); grey areas: bounds of the voltages")
-    capacitors.set_xlim(0, t[-1])
+    if leg.neutral.any():
+        neutral = others[0]
+        neutral.axhspan(-bounds.bound_vn, bounds.bound_vn, color="0.93", linewidth=0)
+        neutral.plot(t, result.state[:, 4], color="0.2", linewidth=0.9)
+        neutral.set_ylabel("neutral\npoint (pu)")
+        in_si(neutral, base.voltage, "(V)")
+    if leg.capacitor.any():
+        capacitors, nominal = others[-1], leg.capacitor_share * result.profile.vdc[0]
+        capacitors.axhspan(
+            nominal - bounds.bound_vph, nominal + bounds.bound_vph, color="0.93", linewidth=0
+        )
+        for phase in range(3):
+            capacitors.plot(t, result.state[:, 5 + phase], color=COLOURS[phase], linewidth=0.9)
+        capacitors.set_ylabel("phase capacitors\na, b, c (pu)")
+        in_si(capacitors, 1e-3 * base.voltage, "(kV)")
+    axes[-1].set_xlabel("time (ms)" + "; grey areas: bounds of the voltages" * bool(others))
+    axes[-1].set_xlim(0, t[-1])
     speed = float(result.profile.omega_s[0])
     figure.suptitle(
         f"{drive_title(base.voltage)} at {speed * base.frequency:.3g} Hz; mpdcc_core, "
         f"{run.variant} variant, {counted(run.explorers, 'explorer')}, in RTL simulation with the "
         f"exact plant\n{bounds.switching_horizon}, deadlock rule {bounds.deadlock_rule}; bounds: "
-        f"currents {bounds.bound_current:g}, neutral point {bounds.bound_vn:g}, phase capacitors "
-        f"{bounds.bound_vph:g} pu",
+        + ", ".join(f"{name} {bound:g}" for name, _, _, bound in _bounds(drive))
+        + " pu",
         fontsize=10,
     )
     figure.align_ylabels(axes)

@@ -81,7 +81,35 @@ def test_a_drive_without_a_core_is_refused(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", sorted(set(shipped_drives()) - set(KBEST)))
+OTHERS = {
+    "ttype3l_grid": ("12 logical", "currents 0.0000, v_n 0.0000 pu (bounds 0.1, 0.08)", "power"),
+    "two_level_pmsm": ("6 logical", "currents 0.0000 pu (bounds 0.15)", "torque"),
+}
+"""Drives of other converters, and what a run of them says."""
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_drive_of_another_converter_runs_and_is_replayed(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outputs = outputs_in(tmp_path)
+    del outputs["waves"]
+    given = ["--drive", name, "--steps", "40", *arguments_for(outputs)]
+    assert run.COMMAND.main(given) == 0
+    shown = capsys.readouterr().out
+    for words in ("40 checked", "0 differ", *OTHERS[name]):
+        assert words in shown
+    replayed = tmp_path / "replayed.csv"
+    given = ["--drive", name, "--trace", str(outputs["trace"]), "--out", str(replayed)]
+    assert replay.COMMAND.main(given) == 0
+    assert replayed.read_bytes() == outputs["decisions"].read_bytes()
+    told = read_decisions(replayed)
+    assert replay.COMMAND.main([*given, "--engine", "model"]) == 0
+    assert count_differences(read_decisions(replayed), told) == 0
+    assert len(np.unique(told.s, axis=0)) > 1
+
+
+@pytest.mark.parametrize("name", sorted(set(shipped_drives()) - {*KBEST, *OTHERS}))
 def test_every_shipped_drive_runs(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -607,8 +635,17 @@ def test_the_usual_point_of_a_two_level_drive() -> None:
     assert mptc_loop.Point.of(drive, -full).rpm == -full
 
 
-def test_levels_are_voltages_and_not_codes() -> None:
-    assert rtl_loop.levels(np.arange(8)).tolist() == [-2, -1, -1, 0, 0, 1, 1, 2]
+@pytest.mark.parametrize("name", ["anpc5l_6kv", "npc3l_3kv3", "two_level_pmsm"])
+def test_voltages_of_the_machine_are_those_of_its_converter(name: str) -> None:
+    drive = load_drive(name)
+    result = closed_loop.simulate(
+        drive, ideal.decide, ideal.ideal_parameters(drive), closed_loop.OperatingPoint(1.0), 200
+    )
+    voltages = rtl_loop.machine_voltages(rtl_loop.Run(drive, 2, "fast", result, 0, 0.0))
+    level = drive.converter.level[result.positions[1:]] * drive.inverter.vdc / 4
+    # but for what the capacitors are off their nominal voltages
+    np.testing.assert_allclose(voltages, level - level.mean(axis=1, keepdims=True), atol=0.15)
+    assert np.ptp(level) == drive.inverter.vdc
 
 
 def test_vectors_of_a_period_stand_in_their_order() -> None:
