@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from directmpc.converter import ConverterError
 from directmpc.host.console import interrupted, reported
 from scripts.shared.command import described
 
@@ -43,6 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         module = importlib.import_module(f"scripts.commands.{known[given[0]].stem}")
         return module.COMMAND.main(given[1:])
+    except ConverterError as error:  # a file of one's own
+        print(f"{given[0]}: {error}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:  # before the command itself could take it
         print(f"{given[0]}: interrupted", file=sys.stderr)
         return interrupted()

@@ -174,12 +174,14 @@ def _digest(root: Path) -> str:
     Tables of converters are sources: compiled code holds them as constants.
     """
     files = sorted([*root.rglob("*.py"), *root.glob("converters/*.toml")]) or [root]
+    if own := os.environ.get("DIRECTMPC_CONVERTERS"):
+        files += sorted(Path(own).glob("*.toml"))
     digest = hashlib.sha256(f"{numba.__version__} {platform.python_version()}".encode())
     for path in files:
         if not path.is_file():
             return ""
         content = path.read_bytes()
-        name = path.relative_to(root).as_posix()
+        name = path.relative_to(root).as_posix() if root in path.parents else path.name
         digest.update(f"{name}\0{len(content)}\0".encode() + content)
     return digest.hexdigest() if files else ""
 

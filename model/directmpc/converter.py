@@ -37,6 +37,12 @@ INADMISSIBLE = -1
 MAX_NEXT = 4
 """Most positions that may follow one position, staying included; 4**3 = 64 candidates."""
 
+FOLDER = "DIRECTMPC_CONVERTERS"
+"""Environment variable: a folder with files of converters of one's own."""
+
+MOST_CONVERTERS = 16
+"""A host knows a converter by a number of four bits."""
+
 MAX_POSITIONS = 8
 MAX_GATES = 8
 MAX_WEIGHT = 5
@@ -107,6 +113,8 @@ class Converter:
     ----------
     name, title : str
         Of its file; in words.
+    is_default : bool
+        Whether the checked-in VHDL, and a drive file that names none, are for this one.
     rails : dict of float
         Potentials of the nodes of the dc link.
     output : str
@@ -139,6 +147,7 @@ class Converter:
 
     name: str
     title: str
+    is_default: bool
     rails: Mapping[str, float]
     output: str
     neutral_node: str | None
@@ -200,6 +209,17 @@ class Converter:
             The negative coefficient of v_ph: no power is lost.
         """
         return _table(-self.capacitor)
+
+    @property
+    def half_capacitor(self) -> int:
+        """Whether the reference of v_ph is v_dc/2.
+
+        Returns
+        -------
+        int
+            0 where it is v_dc/4, or there is no capacitor.
+        """
+        return int(self.capacitor_share == 0.5)
 
     @cached_property
     def position_of_code(self) -> tuple[int, ...]:
@@ -840,8 +860,13 @@ def _check_stops(read: _Reader, leg: Converter) -> None:
 def _built(read: _Reader, name: str, data: dict[str, Any]) -> Converter:
     """Converter of a file's entries."""
     keys = read.table(
-        data, "", "title output rails positions switches stop start", "neutral capacitor diodes"
+        data,
+        "",
+        "title output rails positions switches stop start",
+        "neutral capacitor diodes default",
     )
+    if keys.get("default", True) is not True:
+        raise read.refuse("default", f"got {keys['default']!r}; it must be true, or left out")
     rails = keys["rails"]
     if not isinstance(rails, dict) or len(rails) < 2:
         raise read.refuse("rails", "a table of nodes and their potentials is needed")
@@ -905,6 +930,7 @@ def _built(read: _Reader, name: str, data: dict[str, Any]) -> Converter:
     leg = Converter(
         name=name,
         title=read.text(keys["title"], "title"),
+        is_default="default" in keys,
         rails=rails,
         output=read.text(keys["output"], "output"),
         neutral_node=neutral,
@@ -984,13 +1010,38 @@ def shipped() -> tuple[str, ...]:
 
 
 @cache
+def _own() -> dict[str, Path]:
+    """Files of one's own: those in the folder that the environment variable `FOLDER` names."""
+    folder = os.environ.get(FOLDER, "")
+    files = {path.stem: path for path in sorted(Path(folder).glob("*.toml"))} if folder else {}
+    if folder and not files:
+        raise ConverterError(f"{FOLDER}: {folder}: no folder with files of converters (*.toml)")
+    for name in files.keys() & set(shipped()):
+        raise ConverterError(f"{files[name]}: {name} ships with directmpc; take another name")
+    if len(files) > MOST_CONVERTERS - len(shipped()):
+        raise ConverterError(f"{FOLDER}: {folder}: more than {MOST_CONVERTERS} converters in all")
+    return files
+
+
+def names() -> tuple[str, ...]:
+    """Names of all converters.
+
+    Returns
+    -------
+    tuple of str
+        Those that are shipped, then those of one's own.
+    """
+    return (*shipped(), *_own())
+
+
+@cache
 def load(name: str) -> Converter:
-    """Load a converter that comes with the package.
+    """Load a converter by its name.
 
     Parameters
     ----------
     name : str
-        One of `shipped`.
+        One of `names`.
 
     Returns
     -------
@@ -1002,7 +1053,9 @@ def load(name: str) -> Converter:
     ConverterError
         If there is none of this name.
     """
-    if name not in shipped():
-        raise ConverterError(f'converter: got "{name}"; it must be one of {", ".join(shipped())}')
+    if name not in names():
+        raise ConverterError(f'converter: got "{name}"; it must be one of {", ".join(names())}')
+    if name in _own():
+        return read_converter(_own()[name])
     file = resources.files("directmpc") / "converters" / f"{name}.toml"
     return _parsed(file.name, name, file.read_text(encoding="utf-8"))

@@ -1,15 +1,15 @@
 -- Gates of a leg as data: which are on in a position, in what order they change, which may never be
 -- on together.
 --
--- Two legs: that of the converter, from the tables of anpc5l_leg, and a two-level leg, whose bit 0 is the upper gate
+-- Two legs: that of the converter, from the tables of converter_leg, and a half bridge, whose bit 0 is the upper gate
 -- and bit 1 the lower one, position bit 0 '1': upper.
 --
 -- A commutation changes one gate at a time, in an order that shorts nothing, gives the current a way for either sign
--- and moves the output in one step (docs/converters.md). ANPC, 2 to 4 and 3 to 5: S4 off, S8 on, S2 off, S3 on, S5 off,
--- S1 on; back the same in reverse. S1, S4, S5 and S8 switch without current.
+-- and moves the output in one step (docs/converters.md). The longest of the checked-in package, 2 to 4 and 3 to 5: S4 off,
+-- S8 on, S2 off, S3 on, S5 off, S1 on; back the same in reverse. S1, S4, S5 and S8 switch without current.
 -- A stop and a start may take several steps, a dead time apart: gates at the rails go off first and come on last.  All
--- gates off in one clock would put up to 2.6 times its rating on S5 or S8 of an ANPC leg.  A two-level leg needs one.
--- A start may lead through a position: that of an NPC leg goes by the neutral point.
+-- gates off in one clock would put up to 2.6 times its rating on S5 or S8 of that leg.  A half bridge needs one step.
+-- A start may lead through a position, as by the neutral point.
 -- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
@@ -18,7 +18,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
-  use work.anpc5l_leg.all;
+  use work.converter_leg.all;
 
 package gate_tables is
 
@@ -44,50 +44,50 @@ package gate_tables is
   constant FAULT_DRIVER       : natural := 14; -- a gate driver reports a fault, or is not ready
 
   -- gates of one leg
-  function gates_of (five_level : boolean) return positive;
+  function gates_of (tabled_leg : boolean) return positive;
 
   -- the position that a code stands for
-  function position_of (five_level : boolean; code : std_logic_vector(2 downto 0)) return std_logic_vector;
+  function position_of (tabled_leg : boolean; code : std_logic_vector(2 downto 0)) return std_logic_vector;
 
   -- '1': the switch graph has this edge, staying included
-  function is_edge (five_level : boolean; origin, goal : std_logic_vector(2 downto 0)) return std_logic;
+  function is_edge (tabled_leg : boolean; origin, goal : std_logic_vector(2 downto 0)) return std_logic;
 
   -- gates that are on in a position
-  function pattern_of (five_level : boolean; position : std_logic_vector(2 downto 0))
+  function pattern_of (tabled_leg : boolean; position : std_logic_vector(2 downto 0))
     return std_logic_vector;
 
   -- number of the last single-gate action of a commutation
-  function last_action (five_level : boolean; origin, goal : std_logic_vector(2 downto 0))
+  function last_action (tabled_leg : boolean; origin, goal : std_logic_vector(2 downto 0))
     return unsigned;
 
   -- the gate that an action changes, one bit set
-  function action_of (five_level : boolean; origin, goal : std_logic_vector(2 downto 0);
+  function action_of (tabled_leg : boolean; origin, goal : std_logic_vector(2 downto 0);
     action : unsigned(2 downto 0)) return std_logic_vector;
 
   -- gates that a stop leaves on, a dead time after these
-  function stop_of (five_level : boolean; gates : std_logic_vector) return std_logic_vector;
+  function stop_of (tabled_leg : boolean; gates : std_logic_vector) return std_logic_vector;
 
   -- '1': a gate at a rail is on; a stop then begins at once, whatever has changed before
-  function at_rail (five_level : boolean; gates : std_logic_vector) return std_logic;
+  function at_rail (tabled_leg : boolean; gates : std_logic_vector) return std_logic;
 
   -- number of the last step of the start of a position
-  function last_start (five_level : boolean; position : std_logic_vector(2 downto 0)) return unsigned;
+  function last_start (tabled_leg : boolean; position : std_logic_vector(2 downto 0)) return unsigned;
 
   -- gates that a step of the start of a position changes, from all off
-  function start_of (five_level : boolean; position : std_logic_vector(2 downto 0); action : unsigned(2 downto 0))
+  function start_of (tabled_leg : boolean; position : std_logic_vector(2 downto 0); action : unsigned(2 downto 0))
     return std_logic_vector;
 
   -- '1': these gates together short a capacitor or the dc-link, or put too much voltage on a device
-  function is_forbidden (five_level : boolean; gates : std_logic_vector) return std_logic;
+  function is_forbidden (tabled_leg : boolean; gates : std_logic_vector) return std_logic;
 
 end package gate_tables;
 
 package body gate_tables is
 
-  function gates_of (five_level : boolean) return positive is
+  function gates_of (tabled_leg : boolean) return positive is
   begin
 
-    if (five_level) then
+    if (tabled_leg) then
       return GATES;
     else
       return 2;
@@ -95,10 +95,10 @@ package body gate_tables is
 
   end function gates_of;
 
-  function position_of (five_level : boolean; code : std_logic_vector(2 downto 0)) return std_logic_vector is
+  function position_of (tabled_leg : boolean; code : std_logic_vector(2 downto 0)) return std_logic_vector is
   begin
 
-    if (not five_level) then
+    if (not tabled_leg) then
       return "00" & code(0);
     elsif (POSITIONS = 8) then
       return code;
@@ -108,7 +108,7 @@ package body gate_tables is
 
   end function position_of;
 
-  function is_edge (five_level : boolean; origin, goal : std_logic_vector(2 downto 0)) return std_logic is
+  function is_edge (tabled_leg : boolean; origin, goal : std_logic_vector(2 downto 0)) return std_logic is
 
     variable result : std_logic;
 
@@ -116,7 +116,7 @@ package body gate_tables is
 
     result := '0';
 
-    if (five_level) then
+    if (tabled_leg) then
 
       for s in 0 to POSITIONS - 1 loop
         for i in 0 to 3 loop
@@ -134,11 +134,11 @@ package body gate_tables is
 
   end function is_edge;
 
-  function pattern_of (five_level : boolean; position : std_logic_vector(2 downto 0))
+  function pattern_of (tabled_leg : boolean; position : std_logic_vector(2 downto 0))
     return std_logic_vector is
   begin
 
-    if (five_level) then
+    if (tabled_leg) then
       return PATTERNS(to_integer(unsigned(position)));
     else
       return (not position(0)) & position(0);
@@ -146,7 +146,7 @@ package body gate_tables is
 
   end function pattern_of;
 
-  function last_action (five_level : boolean; origin, goal : std_logic_vector(2 downto 0))
+  function last_action (tabled_leg : boolean; origin, goal : std_logic_vector(2 downto 0))
     return unsigned is
 
     variable moved  : std_logic_vector(5 downto 0);
@@ -157,7 +157,7 @@ package body gate_tables is
     moved  := (origin xor goal) & origin;
     result := "001";
 
-    if (five_level) then
+    if (tabled_leg) then
       -- the first row that fits is the last to be looked at
       for i in MOVE_LAST'high downto 0 loop
         if ((moved and MOVE_CARE(i)) = (MOVE_VALUE(i) and MOVE_CARE(i))) then
@@ -171,12 +171,12 @@ package body gate_tables is
 
   end function last_action;
 
-  function action_of (five_level : boolean; origin, goal : std_logic_vector(2 downto 0);
+  function action_of (tabled_leg : boolean; origin, goal : std_logic_vector(2 downto 0);
     action : unsigned(2 downto 0)) return std_logic_vector is
 
     variable moved  : std_logic_vector(5 downto 0);
-    variable row    : std_logic_vector(gates_of(five_level) - 1 downto 0);
-    variable result : std_logic_vector(gates_of(five_level) - 1 downto 0);
+    variable row    : std_logic_vector(gates_of(tabled_leg) - 1 downto 0);
+    variable result : std_logic_vector(gates_of(tabled_leg) - 1 downto 0);
     variable second : std_logic;
 
   begin
@@ -185,7 +185,7 @@ package body gate_tables is
     result := (others => '0');
     second := action(0);
 
-    if (five_level) then
+    if (tabled_leg) then
       -- the first row that fits is the last to be looked at; of two actions the last bit tells
       for i in MOVE_LAST'high downto 0 loop
         row := (others => '0');
@@ -211,7 +211,7 @@ package body gate_tables is
 
   end function action_of;
 
-  function stop_of (five_level : boolean; gates : std_logic_vector) return std_logic_vector is
+  function stop_of (tabled_leg : boolean; gates : std_logic_vector) return std_logic_vector is
 
     variable s      : std_logic_vector(gates'length - 1 downto 0);
     variable result : std_logic_vector(gates'length - 1 downto 0);
@@ -221,7 +221,7 @@ package body gate_tables is
     s      := gates;
     result := (others => '0');
 
-    if (five_level) then
+    if (tabled_leg) then
       -- the first row that fits is the last to be looked at
       for i in STOP_RULES'high(1) downto 0 loop
         if ((s and STOP_RULES(i, 0)) = STOP_RULES(i, 0) and unsigned(s and STOP_RULES(i, 1)) = 0) then
@@ -235,7 +235,7 @@ package body gate_tables is
 
   end function stop_of;
 
-  function at_rail (five_level : boolean; gates : std_logic_vector) return std_logic is
+  function at_rail (tabled_leg : boolean; gates : std_logic_vector) return std_logic is
 
     variable s      : std_logic_vector(gates'length - 1 downto 0);
     variable result : std_logic;
@@ -246,7 +246,7 @@ package body gate_tables is
     result := '0';
 
     for i in s'range loop
-      if (not five_level or RAIL_GATES(i) = '1') then
+      if (not tabled_leg or RAIL_GATES(i) = '1') then
         result := result or s(i);
       end if;
     end loop;
@@ -255,7 +255,7 @@ package body gate_tables is
 
   end function at_rail;
 
-  function last_start (five_level : boolean; position : std_logic_vector(2 downto 0)) return unsigned is
+  function last_start (tabled_leg : boolean; position : std_logic_vector(2 downto 0)) return unsigned is
 
     variable result : unsigned(2 downto 0);
 
@@ -263,11 +263,11 @@ package body gate_tables is
 
     result := "000";
 
-    if (five_level) then
+    if (tabled_leg) then
       result := to_unsigned(START_GROUPS'high, 3);
 
       if (HAS_START_THROUGH and position /= START_THROUGH) then
-        result := result + 1 + last_action(five_level, START_THROUGH, position);
+        result := result + 1 + last_action(tabled_leg, START_THROUGH, position);
       end if;
     end if;
 
@@ -275,28 +275,28 @@ package body gate_tables is
 
   end function last_start;
 
-  function start_of (five_level : boolean; position : std_logic_vector(2 downto 0); action : unsigned(2 downto 0))
+  function start_of (tabled_leg : boolean; position : std_logic_vector(2 downto 0); action : unsigned(2 downto 0))
     return std_logic_vector is
 
     variable first  : std_logic_vector(2 downto 0);
-    variable result : std_logic_vector(gates_of(five_level) - 1 downto 0);
+    variable result : std_logic_vector(gates_of(tabled_leg) - 1 downto 0);
 
   begin
 
     first  := position;
-    result := pattern_of(five_level, position);
+    result := pattern_of(tabled_leg, position);
 
-    if (five_level) then
+    if (tabled_leg) then
       result := (others => '0');
 
       if (HAS_START_THROUGH) then
         first  := START_THROUGH;
-        result := action_of(five_level, START_THROUGH, position, action - START_GROUPS'length);
+        result := action_of(tabled_leg, START_THROUGH, position, action - START_GROUPS'length);
       end if;
 
       for i in START_GROUPS'range loop
         if (action = i) then
-          result := pattern_of(five_level, first) and START_GROUPS(i);
+          result := pattern_of(tabled_leg, first) and START_GROUPS(i);
         end if;
       end loop;
 
@@ -306,7 +306,7 @@ package body gate_tables is
 
   end function start_of;
 
-  function is_forbidden (five_level : boolean; gates : std_logic_vector) return std_logic is
+  function is_forbidden (tabled_leg : boolean; gates : std_logic_vector) return std_logic is
 
     variable s      : std_logic_vector(gates'length - 1 downto 0);
     variable result : std_logic;
@@ -315,7 +315,7 @@ package body gate_tables is
 
     s := gates;
 
-    if (five_level) then
+    if (tabled_leg) then
       result := '0';
 
       for i in FORBIDDEN'range loop

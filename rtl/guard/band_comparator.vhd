@@ -4,7 +4,7 @@
 -- A measurement whose currents are both those of the one before is a repetition.  frozen_limit of them in succession,
 -- while running, are frozen; with frozen_limit = 0 they are not counted.
 --
--- FIVE_LEVEL = false: there are no capacitors; voltages and their limits are not looked at.
+-- TABLED_LEG = false: there are no capacitors; voltages and their limits are not looked at.
 --
 -- Formats: voltages of capacitors unsigned, v_n and omega_r signed, 16 bits; limits unsigned in the same units.
 -- A limit that a measurement cannot exceed trips with every measurement: v_ph_high = 65535, v_n_limit and speed_limit
@@ -20,12 +20,12 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
-  use work.anpc5l_leg.all;
+  use work.converter_leg.all;
   use work.directmpc_math.all;
 
 entity band_comparator is
   generic (
-    FIVE_LEVEL : boolean := true -- true: there is what the converter's package says, false: neither capacitors nor v_n
+    TABLED_LEG : boolean := true -- true: there is what the converter's package says, false: neither capacitors nor v_n
   );
   port (
     clk          : in    std_logic;                     -- rising edge
@@ -106,12 +106,12 @@ begin
       speed_1     <= beyond(omega_r, speed_limit);
       same_1      <= to_std_logic(is_alpha = last_alpha and is_beta = last_beta);
 
-      if (FIVE_LEVEL and HAS_CAPACITORS) then
+      if (TABLED_LEG and HAS_CAPACITORS) then
         capacitor_1 <= leaves(v_ph_a, v_ph_low, v_ph_high) or leaves(v_ph_b, v_ph_low, v_ph_high)
                        or leaves(v_ph_c, v_ph_low, v_ph_high) or to_std_logic(unsigned(v_ph_high) = HIGHEST);
       end if;
 
-      if (FIVE_LEVEL and HAS_NEUTRAL) then
+      if (TABLED_LEG and HAS_NEUTRAL) then
         neutral_1   <= beyond(v_n, v_n_limit);
       end if;
 

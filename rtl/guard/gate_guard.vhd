@@ -14,15 +14,15 @@
 -- on with the first decision that finds a measurement compared since enable rose and since renew.
 -- docs/gate-guard.md has states, times and the safety properties that are checked.
 --
--- Formats: positions a, b, c of three bits each, of two-level legs bit 0 alone ('1': upper gate); gates of phase
--- a from bit 0 on, then b, then c; ANPC: S1 to S8, two-level: upper, lower.
+-- Formats: positions a, b, c of three bits each, of half bridges bit 0 alone ('1': upper gate); gates of phase
+-- a from bit 0 on, then b, then c; S1 first; a half bridge: upper, lower.
 -- Protocol: positions are at the ports one clock before decided; in the clock of decided they may change again.
 -- Positions taken are those that the gates have, or move to: a move that waits has not begun. They are right while
 -- running, from two clocks after the first decision on.
 -- Latency: gates begin to move two clocks after decided. Gates at the rails are off one clock (10 ns at 100 MHz)
 -- after external_trip, driver_fault, upset, decided for an illegal decision, a lapse of time or enable = '0' is at
--- the ports, and four clocks (40 ns at 100 MHz) after measured brings a value beyond its limit. All gates of ANPC
--- legs are off 3 dead times later at most, those of two-level legs with the first ones. All gates are off one
+-- the ports, and four clocks (40 ns at 100 MHz) after measured brings a value beyond its limit. All gates
+-- are off 3 dead times later at most, those of half bridges with the first ones. All gates are off one
 -- clock after rst.
 -- Overflow: none.
 -- Considered and rejected: rtl/alternatives.md.
@@ -33,13 +33,13 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
-  use work.anpc5l_leg.positions_t;
+  use work.converter_leg.positions_t;
   use work.directmpc_math.to_std_logic;
   use work.gate_tables.all;
 
 entity gate_guard is
   generic (
-    FIVE_LEVEL        : boolean                  := true; -- true: legs of the converter's package, false: two-level
+    TABLED_LEG        : boolean                  := true; -- true: legs of the converter's package, false: half bridges
     LEAST_DEAD_TIME   : positive range 1 to 4095 := 10;   -- clocks; shorter dead times are raised to it
     SECOND_SUPERVISOR : boolean                  := false -- true: a second supervisor, compared in every clock
   );
@@ -86,7 +86,7 @@ entity gate_guard is
     speed_limit    : in    std_logic_vector(15 downto 0);                          -- unsigned, unit as omega_r
     frozen_limit   : in    std_logic_vector(7 downto 0);                           -- equal currents, 0: any number
     -- result
-    gates          : out   std_logic_vector(3 * gates_of(FIVE_LEVEL) - 1 downto 0); -- '1': on
+    gates          : out   std_logic_vector(3 * gates_of(TABLED_LEG) - 1 downto 0); -- '1': on
     running        : out   std_logic;                                              -- '1': gates follow decisions
     live           : out   std_logic;                                              -- '1': enabled, without a fault
     waits          : out   std_logic_vector(2 downto 0);                           -- a, b, c; '1': no other goal yet
@@ -100,7 +100,7 @@ end entity gate_guard;
 
 architecture rtl of gate_guard is
 
-  constant GATES_OF_LEG : positive := gates_of(FIVE_LEVEL);
+  constant GATES_OF_LEG : positive := gates_of(TABLED_LEG);
 
   signal goals    : positions_t;
   signal trips    : std_logic_vector(3 downto 0);
@@ -160,7 +160,7 @@ begin
 
   i_bands : entity work.band_comparator
     generic map (
-      FIVE_LEVEL => FIVE_LEVEL
+      TABLED_LEG => TABLED_LEG
     )
     port map (
       clk          => clk,
@@ -319,7 +319,7 @@ begin
 
     i_leg : entity work.gate_leg
       generic map (
-        FIVE_LEVEL => FIVE_LEVEL
+        TABLED_LEG => TABLED_LEG
       )
       port map (
         clk       => clk,

@@ -7,7 +7,7 @@
 -- that long.  A goal that comes meanwhile waits; blocked says that a further one would be lost.
 --
 -- stop overrides everything, minimum on time or not; a goal of that clock is forgotten.  Gates go off in the steps of
--- gate_tables, dead_time clocks apart: S1 and S4 of an ANPC leg, and all gates of a two-level leg, after the same edge.
+-- gate_tables, dead_time clocks apart: those at the rails, and all of a half bridge, after the same edge.
 -- With no gate at a rail on, the first step waits until no gate has changed for dead_time clocks.  All gates are off
 -- after 3 dead_time + 1 clocks at most.  kill turns all gates off after the same edge, which only a leg whose state
 -- cannot be relied on should need: it may overload a device.
@@ -19,7 +19,7 @@
 -- the rails last.  A goal before all gates are off is forgotten; gate_supervisor keeps stop up for dead and minimum
 -- times.
 --
--- Formats: positions as in gate_tables, of two-level legs bit 0 alone; a code that is no position counts as one that
+-- Formats: positions as in gate_tables, of half bridges bit 0 alone; a code that is no position counts as one that
 -- differs in a bit; times in clocks, at least 1, stable while the leg is not stopped.
 -- Latency: gates move two clocks after decided when the leg has rested; one clock after stop, if one at a rail is on.
 -- Overflow: none; the counter stops at zero.
@@ -31,13 +31,13 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
-  use work.anpc5l_leg.always_at_rail;
+  use work.converter_leg.always_at_rail;
   use work.directmpc_math.all;
   use work.gate_tables.all;
 
 entity gate_leg is
   generic (
-    FIVE_LEVEL : boolean := true -- true: leg of the converter's package, false: two-level leg of 2 gates
+    TABLED_LEG : boolean := true -- true: leg of the converter's package, false: half bridge of 2 gates
   );
   port (
     clk       : in    std_logic;                                               -- rising edge
@@ -54,13 +54,13 @@ entity gate_leg is
     position  : out   std_logic_vector(2 downto 0); -- that the gates have or move to; from clock 2 after the first on
     refused   : out   std_logic;                                               -- '1': a forbidden pattern was to come
     off       : out   std_logic;                                               -- '1': all gates are off
-    gates     : out   std_logic_vector(gates_of(FIVE_LEVEL) - 1 downto 0)      -- '1': on
+    gates     : out   std_logic_vector(gates_of(TABLED_LEG) - 1 downto 0)      -- '1': on
   );
 end entity gate_leg;
 
 architecture rtl of gate_leg is
 
-  constant GATES_OF_LEG : positive := gates_of(FIVE_LEVEL);
+  constant GATES_OF_LEG : positive := gates_of(TABLED_LEG);
 
   subtype gates_t is std_logic_vector(GATES_OF_LEG - 1 downto 0);
 
@@ -69,7 +69,7 @@ architecture rtl of gate_leg is
   -- beside the phase: stop ends at this register and at few others
   signal live     : std_logic; -- not stopped
   signal phase    : phase_t;   -- of a leg that is live
-  signal offered  : std_logic_vector(2 downto 0); -- goal; of a two-level leg bit 0 alone
+  signal offered  : std_logic_vector(2 downto 0); -- goal; of a half bridge bit 0 alone
   signal asked    : std_logic_vector(2 downto 0); -- offered in the clock before
   signal accepted : std_logic_vector(2 downto 0);
   signal kept     : std_logic_vector(2 downto 0); -- accepted after this edge
@@ -104,7 +104,7 @@ architecture rtl of gate_leg is
 
 begin
 
-  offered <= position_of(FIVE_LEVEL, goal);
+  offered <= position_of(TABLED_LEG, goal);
   kept    <= asked when decided = '1' else
              accepted;
   legal   <= follows or not live;
@@ -118,19 +118,19 @@ begin
   act     <= '1' when live = '1' and (phase = STARTING
                                       or (over = '1' and (phase = ACTING or (phase = RESTED and waiting = '1')))) else
              '0';
-  changed <= start_of(FIVE_LEVEL, accepted, "000") when phase = STARTING else
+  changed <= start_of(TABLED_LEG, accepted, "000") when phase = STARTING else
              driven xor first when phase = RESTED else
              driven xor further;
   begins  <= act and to_std_logic(phase /= ACTING);
 
-  forbidden <= is_forbidden(FIVE_LEVEL, changed);
+  forbidden <= is_forbidden(TABLED_LEG, changed);
 
   -- a stop: told from the gates alone, and chosen late
   dark    <= to_std_logic(unsigned(driven) = 0);
-  lowered <= stop_of(FIVE_LEVEL, driven);
-  wrong   <= is_forbidden(FIVE_LEVEL, lowered);
-  upset   <= is_forbidden(FIVE_LEVEL, driven);
-  drop    <= at_rail(FIVE_LEVEL, driven) or (aged and not dark);
+  lowered <= stop_of(TABLED_LEG, driven);
+  wrong   <= is_forbidden(TABLED_LEG, lowered);
+  upset   <= is_forbidden(TABLED_LEG, driven);
+  drop    <= at_rail(TABLED_LEG, driven) or (aged and not dark);
   going   <= stop or not live;
   change  <= drop when going = '1' else
              act;
@@ -138,7 +138,7 @@ begin
   -- a clock less: over is seen in the clock after the count
   pause <= std_logic_vector(unsigned(rest_time) - 1) when going = '0' and
                                                           ((phase = STARTING and
-                                                            last_start(FIVE_LEVEL, accepted) = 0) or
+                                                            last_start(TABLED_LEG, accepted) = 0) or
                                                            (phase = ACTING and ends = '1')) else
            std_logic_vector(unsigned(dead_time) - 1);
 
@@ -154,11 +154,11 @@ begin
     );
 
   -- at rest some gate at a rail is on: over tells of actions alone
-  g_one_age : if not FIVE_LEVEL or ALWAYS_AT_RAIL generate
+  g_one_age : if not TABLED_LEG or ALWAYS_AT_RAIL generate
     aged <= over;
   end generate g_one_age;
 
-  g_own_age : if FIVE_LEVEL and not ALWAYS_AT_RAIL generate
+  g_own_age : if TABLED_LEG and not ALWAYS_AT_RAIL generate
 
     signal dead_pause : std_logic_vector(TIME_WIDTH - 1 downto 0);
     signal switches   : std_logic; -- a gate changes after this edge: a step of a start may change none
@@ -188,12 +188,12 @@ begin
     if rising_edge(clk) then
       asked    <= offered;
       accepted <= kept;
-      follows  <= is_edge(FIVE_LEVEL, kept, offered);
+      follows  <= is_edge(TABLED_LEG, kept, offered);
       moves    <= to_std_logic(kept /= offered);
 
       -- while a move waits its goal stays, or gate_supervisor stops: first stays right
       if (decided = '1') then
-        first <= action_of(FIVE_LEVEL, target, asked, "000");
+        first <= action_of(TABLED_LEG, target, asked, "000");
 
         if (live = '0' and dark = '1') then
           live  <= '1';
@@ -223,10 +223,10 @@ begin
           target  <= accepted;
           starts  <= '1';
           action  <= "001";
-          further <= start_of(FIVE_LEVEL, accepted, "001");
-          ends    <= to_std_logic(last_start(FIVE_LEVEL, accepted) = 1);
+          further <= start_of(TABLED_LEG, accepted, "001");
+          ends    <= to_std_logic(last_start(TABLED_LEG, accepted) = 1);
 
-          if (last_start(FIVE_LEVEL, accepted) > 0) then
+          if (last_start(TABLED_LEG, accepted) > 0) then
             phase <= ACTING;
           end if;
         elsif (phase = RESTED) then
@@ -235,18 +235,18 @@ begin
           origin  <= target;
           target  <= accepted;
           action  <= "001";
-          further <= action_of(FIVE_LEVEL, target, accepted, "001");
-          ends    <= to_std_logic(last_action(FIVE_LEVEL, target, accepted) = 1);
+          further <= action_of(TABLED_LEG, target, accepted, "001");
+          ends    <= to_std_logic(last_action(TABLED_LEG, target, accepted) = 1);
         elsif (ends = '1') then
           phase <= RESTED;
         else
           action  <= action + 1;
-          further <= action_of(FIVE_LEVEL, origin, target, action + 1);
-          ends    <= to_std_logic(last_action(FIVE_LEVEL, origin, target) = action + 1);
+          further <= action_of(TABLED_LEG, origin, target, action + 1);
+          ends    <= to_std_logic(last_action(TABLED_LEG, origin, target) = action + 1);
 
           if (starts = '1') then
-            further <= start_of(FIVE_LEVEL, target, action + 1);
-            ends    <= to_std_logic(action + 1 = last_start(FIVE_LEVEL, target));
+            further <= start_of(TABLED_LEG, target, action + 1);
+            ends    <= to_std_logic(action + 1 = last_start(TABLED_LEG, target));
           end if;
         end if;
       end if;

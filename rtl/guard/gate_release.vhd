@@ -8,7 +8,7 @@
 -- So a permit that comes back, with the clock or while it stands, lets nothing through that was decided before, and no
 -- rest of a stop.
 --
--- Off at once is no stop of an ANPC leg: it takes no steps.  What the gate drivers have to do about it is in
+-- Off at once is no stop of a leg whose stop takes steps.  What the gate drivers have to do about it is in
 -- docs/safety.md.
 --
 -- Formats: none.

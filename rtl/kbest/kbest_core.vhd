@@ -1,4 +1,4 @@
--- K-best direct MPC of a five-level ANPC drive: the core (docs/specification.md, section 10).
+-- K-best direct MPC of a multilevel drive: the core (docs/specification.md, section 10).
 --
 -- A decision searches the plan of least cost over STAGES stages, of which the BEAM best live on from
 -- stage to stage.  Give the measurements, the positions and the plan with a one-clock start; valid comes

@@ -1,4 +1,4 @@
--- Model predictive direct current control of a five-level ANPC drive (Paper A): the core.
+-- Model predictive direct current control of a multilevel drive (Paper A): the core.
 --
 -- One scheduler and EXPLORERS explorers.  Give the measurements with a one-clock start; valid comes
 -- with the switch position for this step.  docs/specification.md says what is decided: hold while
@@ -31,7 +31,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
-  use work.anpc5l_leg.all;
+  use work.converter_leg.all;
   use work.directmpc_constants.all;
   use work.mpdcc_types.all;
 

@@ -1,4 +1,4 @@
--- Two-level controllers (Paper B) with records as ports; mptc_core is the same with flat ports and explains what it
+-- MPTC and MPFC (Paper B) with records as ports; mptc_core is the same with flat ports and explains what it
 -- decides.
 --
 -- Parts: mptc_sequencer counts the clocks and reads the program; mptc_datapath predicts the state with three

@@ -1,4 +1,4 @@
--- Datapath of the two-level controllers: three mac_blocks, their operands, and the registers that sums go to.
+-- Datapath of the MPTC and MPFC: three mac_blocks, their operands, and the registers that sums go to.
 --
 -- Takes the measurements to k+1 by Heun's method (eqs. 4 and 5) and to k+2 without voltage; forms i_s0 (eq. 14), the
 -- torque terms, and for MPFC the rotor flux and the parts of the reference.  While the vectors stream past, the last

@@ -1,4 +1,4 @@
--- Two-level induction drive from measured currents to switch states: observer, pre-excitation and core together.
+-- Induction drive from measured currents to switch states: observer, pre-excitation and core together.
 -- Stator currents, speed and dc-link voltage are all that is measured.
 --
 -- Give the measurements of period k with a one-clock start.  valid comes with the vector to apply from k+1 on.  The

@@ -1,4 +1,4 @@
--- Sequencer of the two-level controllers: counts the clocks of a decision and reads the program for each.
+-- Sequencer of the MPTC and MPFC: counts the clocks of a decision and reads the program for each.
 --
 -- The program stands in mptc_constants; model/directmpc/mptc/program.py explains and checks it.  MPTC and MPFC share
 -- the clocks before FORK.  From FORK on, MPFC has addresses of its own, beginning with FORK_ADDRESS.  MPTC1, MPTC2 and

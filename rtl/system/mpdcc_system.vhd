@@ -331,7 +331,7 @@ begin
 
   i_shell : entity work.system_shell
     generic map (
-      FIVE_LEVEL        => true,
+      TABLED_LEG        => true,
       LEAST_DEAD_TIME   => LEAST_DEAD_TIME,
       SECOND_SUPERVISOR => SECOND_SUPERVISOR,
       FIRST_BOUND       => PLACE_BOUND_CURRENT,

@@ -239,7 +239,7 @@ begin
 
   i_shell : entity work.system_shell
     generic map (
-      FIVE_LEVEL        => false,
+      TABLED_LEG        => false,
       MEASUREMENTS      => 8,
       LEAST_DEAD_TIME   => LEAST_DEAD_TIME,
       SECOND_SUPERVISOR => SECOND_SUPERVISOR

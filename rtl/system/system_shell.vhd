@@ -26,12 +26,12 @@ library ieee;
 library work;
   use work.directmpc_math.to_std_logic;
   use work.directmpc_system_registers_pkg.all;
-  use work.anpc5l_leg.converter;
+  use work.converter_leg.converter;
   use work.gate_tables.all;
 
 entity system_shell is
   generic (
-    FIVE_LEVEL      : boolean                  := true; -- true: legs of the converter's package, false: two-level ones
+    TABLED_LEG      : boolean                  := true; -- true: legs of the converter's package, false: half bridges
     MEASUREMENTS    : positive range 1 to 16   := 13;   -- registers that a measurement has, positions not counted
     LEAST_DEAD_TIME : positive range 1 to 4095 := 10;   -- clocks; shorter dead times are raised to it
     SECOND_SUPERVISOR : boolean                := false; -- true: the gate guard has two supervisors
@@ -101,7 +101,7 @@ entity system_shell is
     position_a         : in    std_logic_vector(2 downto 0);  -- wanted position of phase a, one clock before apply
     position_b         : in    std_logic_vector(2 downto 0);  -- wanted position of phase b, likewise
     position_c         : in    std_logic_vector(2 downto 0);  -- wanted position of phase c, likewise
-    gates              : out   std_logic_vector(3 * gates_of(FIVE_LEVEL) - 1 downto 0); -- '1': on
+    gates              : out   std_logic_vector(3 * gates_of(TABLED_LEG) - 1 downto 0); -- '1': on
     waits              : out   std_logic_vector(2 downto 0);  -- a, b, c; '1': no other position yet
     taken_a            : out   std_logic_vector(2 downto 0);  -- position of the gates of phase a, while running
     taken_b            : out   std_logic_vector(2 downto 0);  -- position of the gates of phase b, while running
@@ -159,7 +159,7 @@ architecture rtl of system_shell is
   signal worst_cycles : std_logic_vector(15 downto 0);
   signal decisions    : std_logic_vector(31 downto 0);
   signal enabled      : std_logic;
-  signal all_gates    : std_logic_vector(3 * gates_of(FIVE_LEVEL) - 1 downto 0);
+  signal all_gates    : std_logic_vector(3 * gates_of(TABLED_LEG) - 1 downto 0);
   signal is_running   : std_logic;
   signal is_resting   : std_logic;
   signal latched      : faults_t;
@@ -350,7 +350,7 @@ begin
 
   i_guard : entity work.gate_guard
     generic map (
-      FIVE_LEVEL        => FIVE_LEVEL,
+      TABLED_LEG        => TABLED_LEG,
       LEAST_DEAD_TIME   => LEAST_DEAD_TIME,
       SECOND_SUPERVISOR => SECOND_SUPERVISOR
     )
@@ -443,8 +443,8 @@ begin
 
   shown.capabilities <= capabilities;
 
-  -- two-level legs beside the package's are the two-level controllers': their map says nothing of it
-  shown.gates.converter.next_q <= std_logic_vector(to_unsigned(CONVERTER, 4)) when FIVE_LEVEL else
+  -- half bridges beside the package's legs are those of MPTC and MPFC: their map says nothing of it
+  shown.gates.converter.next_q <= std_logic_vector(to_unsigned(CONVERTER, 4)) when TABLED_LEG else
                                   "0000";
 
   shown.status.busy.next_q           <= busy;

@@ -26,8 +26,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--anew", action="store_true", help="run what the file has already, too")
     parser.add_argument("--out", type=Path, default=robustness.REPORT, help="file of the loops")
     parser.add_argument(
-        "--two-level-out", type=Path, default=mptc_robustness.REPORT,
-        help="file of the loops of two-level drives",
+        "--mptc-out", type=Path, default=mptc_robustness.REPORT,
+        help="file of the loops of MPTC and MPFC",
     )  # fmt: skip
     parser.add_argument(
         "--decisions-out", type=Path, default=noise_decisions.REPORT,
@@ -52,7 +52,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(given: argparse.Namespace) -> int | None:
     if given.tables:
         _publish(robustness.read(given.out), given)
-        mptc_robustness.publish(mptc_robustness.read(given.two_level_out), given.page)
+        mptc_robustness.publish(mptc_robustness.read(given.mptc_out), given.page)
         return 0
     rows = robustness.study(
         given.out,
@@ -64,10 +64,10 @@ def _run(given: argparse.Namespace) -> int | None:
         scheduler=given.scheduler,
     )
     _publish(rows, given)
-    two_level = mptc_robustness.study(
-        given.two_level_out, given.jobs, given.random, anew=given.anew, scheduler=given.scheduler
+    mptc = mptc_robustness.study(
+        given.mptc_out, given.jobs, given.random, anew=given.anew, scheduler=given.scheduler
     )
-    mptc_robustness.publish(two_level, given.page)
+    mptc_robustness.publish(mptc, given.page)
     noise_decisions.study(
         given.decisions_out, given.jobs, anew=given.anew, scheduler=given.scheduler
     )
@@ -79,12 +79,12 @@ def _run(given: argparse.Namespace) -> int | None:
 
 
 def _publish(rows: dict[robustness.Setting, dict[str, float]], given: argparse.Namespace) -> None:
-    """Tables of the five-level drives, and the picture beside the file of the loops."""
+    """Tables of MPDCC, and the picture beside the file of the loops."""
     robustness.publish(rows, given.page)
     noise.draw(rows, given.out.with_suffix(".png"))
 
 
 COMMAND = Command(
     "robustness", __doc__, _arguments, _run, outputs=(),
-    growing=("out", "two_level_out", "decisions_out", "random_decisions_out", "rules_out", "page"),
+    growing=("out", "mptc_out", "decisions_out", "random_decisions_out", "rules_out", "page"),
 )  # fmt: skip

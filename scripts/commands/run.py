@@ -247,8 +247,8 @@ def _mptc(given: argparse.Namespace, drive: MptcDrive, new: Outputs) -> _Result:
 
 def _turning(given: argparse.Namespace, drive: Any, new: Outputs) -> _Result:
     """Run a scenario with a speed controller and write its files."""
-    two_level = drive.controller == "mptc"
-    if two_level and given.speed is not None:
+    in_si = drive.controller == "mptc"
+    if in_si and given.speed is not None:
         given.speed *= RPM * drive.machine.pole_pairs
     asked = scenario(drive, given.scenario, given.speed, given.inertia)
     extra = {"flux_observer": True} if given.flux_observer else {}
@@ -263,13 +263,13 @@ def _turning(given: argparse.Namespace, drive: Any, new: Outputs) -> _Result:
     if "trace" in new:
         result.write_trace(new["trace"])
     if "decisions" in new:
-        (mptc_trace.write_decisions if two_level else write_decisions)(
+        (mptc_trace.write_decisions if in_si else write_decisions)(
             new["decisions"], result.decisions
         )
     said = (
         f"{given.drive.name}: {given.scenario}, {len(result)} control periods of "
         f"{1e6 * drive.control.ts:g} us, inertia {asked['inertia']:g} "
-        + ("kg m^2" if two_level else "s")
+        + ("kg m^2" if in_si else "s")
     )
     return _Result((said, _moved(result)), len(result), 0)
 

@@ -164,7 +164,7 @@ MPDCC = Shell(
     inner="mpdcc_controller",
     folder="mpdcc",
     header="""\
-Model predictive direct current control of a five-level ANPC drive (Paper A): the core.
+Model predictive direct current control of a multilevel drive (Paper A): the core.
 
 One scheduler and EXPLORERS explorers.  Give the measurements with a one-clock start; valid comes
 with the switch position for this step.  docs/specification.md says what is decided: hold while
@@ -187,7 +187,7 @@ followed while it comes back, see docs/specification.md, section 2.4.  It takes 
 Overflow: saturates and sets saturated; nothing wraps.
 FOLDED = true excludes SECOND_LEVEL, WEIGHTED_DEADLOCK and INWARDS; elaboration fails with one.
 Considered and rejected: rtl/alternatives.md.""",
-    packages=("anpc5l_leg", "directmpc_constants", "mpdcc_types"),
+    packages=("converter_leg", "directmpc_constants", "mpdcc_types"),
     generics=(
         ("EXPLORERS", "positive range 1 to 8", "2", "number of explorers"),
         ("FOLDED", "boolean", "false", "true: the paper's explorer, false: the fast one"),

@@ -27,8 +27,8 @@ RECOMMENDED: dict[str, tuple[str, ...]] = {
 """Keys of `control` that the studies recommend and the shipped drives have, by controller."""
 
 HEADS = {
-    "mpdcc": "Drive file of MPDCC: five-level ANPC inverter, induction machine, per unit.",
-    "kbest": "Drive file of K-best: five-level ANPC inverter, induction machine, per unit.",
+    "mpdcc": "Drive file of MPDCC: multilevel converter, induction machine, per unit.",
+    "kbest": "Drive file of K-best: multilevel converter, induction machine, per unit.",
     "mptc": "Drive file of MPTC and MPFC: two-level inverter, induction machine, SI.",
 }
 
@@ -58,7 +58,7 @@ _MECHANICS_TABLE = (
     "Shaft, for simulations with a speed controller: docs/outer-loop.md. It may be left out."
 )
 
-_FIVE_LEVEL_TABLES = {
+_PER_UNIT_TABLES = {
     "base": "Base values. Only the frequency has an effect: it sets the unit of time.",
     "machine": "Star circuit, rotor referred to the stator, per unit.",
     "mechanics": _MECHANICS_TABLE,
@@ -68,8 +68,8 @@ _FIVE_LEVEL_TABLES = {
 }
 
 TABLES = {
-    "mpdcc": _FIVE_LEVEL_TABLES,
-    "kbest": _FIVE_LEVEL_TABLES,
+    "mpdcc": _PER_UNIT_TABLES,
+    "kbest": _PER_UNIT_TABLES,
     "mptc": {
         "machine": "T circuit, rotor referred to the stator. ls lr has to be above lm^2.",
         "mechanics": _MECHANICS_TABLE,
@@ -80,7 +80,7 @@ TABLES = {
 }
 """What stands under the head of each table."""
 
-_FIVE_LEVEL = _GUARD | {
+_PER_UNIT = _GUARD | {
     "controller": "Which controller.",
     "base.voltage": "Base voltage, peak of a phase: sqrt(2/3) of the rated line-to-line rms.",
     "base.current": "Base current, peak: sqrt(2) of the rated rms.",
@@ -105,7 +105,7 @@ _FIVE_LEVEL = _GUARD | {
 }
 
 MEANINGS = {
-    "mpdcc": _FIVE_LEVEL
+    "mpdcc": _PER_UNIT
     | {
         "control.ts": "Control period.",
         "control.bound_current": "Bound of the phase currents. At rated current the THD is about "
@@ -130,7 +130,7 @@ MEANINGS = {
         "control.correction": "p of the paper variant's straight line; without effect on the fast "
         "variant: docs/evidence.md.",
     },
-    "kbest": _FIVE_LEVEL
+    "kbest": _PER_UNIT
     | {
         "control.ts": "Control period.",
         "control.bound_vn": "Bound of the neutral point; soft.",

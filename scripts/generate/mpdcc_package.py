@@ -1,4 +1,4 @@
-"""Writes the packages of MPDCC, ``directmpc_constants`` and ``anpc5l_leg``.
+"""Writes the packages of MPDCC, ``directmpc_constants`` and ``converter_leg``.
 
 They are checked in so that the RTL can be used without Python, and CI fails when one differs from
 what this module writes.

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from directmpc.mpdcc import formats as f
-from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import inverter
 from directmpc.mpdcc import program as ct
 
 _RTL = Path(__file__).resolve().parents[2] / "rtl"
@@ -35,7 +35,7 @@ def _rows(items: Sequence[str], per_line: int, indent: str = "    ") -> str:
 
 def _most_effort() -> int:
     """Largest sum of three transitions' weights."""
-    heaviest = 3 * int(anpc.TRANSITION_WEIGHT.max())
+    heaviest = 3 * int(inverter.TRANSITION_WEIGHT.max())
     if heaviest >= 2**f.EFFORT_WIDTH:
         raise ValueError(f"three transitions weigh up to {heaviest}: EFFORT_WIDTH is too small")
     return heaviest

@@ -100,7 +100,7 @@ def _replay_mpdcc(drive: Drive, request: Request) -> None:
 
 
 def _replay_kbest(drive: KbestDrive, request: Request) -> None:
-    """Read a trace of a five-level inverter, decide row after row, and write the decisions."""
+    """Read a trace of K-best, decide row after row, and write the decisions."""
     engines = {"ideal": kbest_ideal, "model": kbest_bit_true}
     if request.engine not in engines:
         raise InputError(

@@ -78,7 +78,6 @@ def random_drive(rng: np.random.Generator) -> Drive:
                 "xm": _between(1.0, 5.0),
             },
             "inverter": {
-                "topology": "anpc5l",
                 "vdc": _between(1.5, 2.5),
                 "xdc": _between(0.5, 10.0, log=True),
                 "xph": _between(0.5, 10.0, log=True),

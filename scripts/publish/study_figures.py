@@ -177,7 +177,7 @@ def _random(found: Mapping[robustness.Setting, Any]) -> Section:
     return section
 
 
-def _two_level(found: Mapping[mptc_robustness.Setting, Any]) -> Section:
+def _mptc(found: Mapping[mptc_robustness.Setting, Any]) -> Section:
     numbers = sorted({setting.number for setting in found})
     section: Section = {"drives": len(numbers)}
     every = itertools.product(mptc_robustness.METHODS, list(mptc_robustness.CASES)[1:])
@@ -204,12 +204,12 @@ def _two_level(found: Mapping[mptc_robustness.Setting, Any]) -> Section:
 
 
 def of_robustness(reports: Path = REPORTS) -> Section:
-    """Noise and wrong parameters, of five-level and two-level drives."""
+    """Noise and wrong parameters, of MPDCC and MPTC."""
     found = robustness.read(reports / robustness.REPORT.name)
-    two_level = mptc_robustness.read(reports / mptc_robustness.REPORT.name)
+    mptc = mptc_robustness.read(reports / mptc_robustness.REPORT.name)
     return {
         "shipped": shipped(found), "random": _random(found), "mismatch": _mismatch(found),
-        "two_level": _two_level(two_level),
+        "mptc": _mptc(mptc),
         "decisions": noise_decisions.shares(
             noise_decisions.read(reports / noise_decisions.REPORT.name)
         ),

@@ -11,7 +11,7 @@ A rule sets:
 * weights of the excesses of currents, v_n and v_ph,
 * the step at which the excess is taken (1 in the specification),
 * whether a trajectory outside its bound that comes closer to it counts as admissible,
-* a terminal weight on the flying capacitors' deviations in the cost J.
+* a terminal weight on the phase capacitors' deviations in the cost J.
 """
 
 from __future__ import annotations
@@ -192,7 +192,7 @@ def _least_excess(rule, error, first, slope, curvature, bound, effort, record, n
 
 @njit
 def _surcharge(rule, error, slope, length):
-    """Terminal weight on the flying capacitors, cost units.
+    """Terminal weight on the phase capacitors, cost units.
 
     Arguments as ``fast.no_surcharge``, but for `rule`: ``Numbers``.
     """

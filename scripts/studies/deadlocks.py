@@ -25,8 +25,7 @@ import numpy as np
 from directmpc.compiled import njit
 from directmpc.host.console import progress_bar
 from directmpc.loads.load import CLARKE_INVERSE, FloatArray
-from directmpc.mpdcc import closed_loop, metrics
-from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import closed_loop, inverter, metrics
 from directmpc.mpdcc.bit_true import common, fast
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.coefficients import registers
@@ -205,12 +204,12 @@ def _choices(register, measurement, s_prev, chosen, out):
     before = max(np.max(np.abs(error[:3])), bound[0])
     least = current
     correctable, with_current, inward = 0, 0, 0
-    for ia in range(anpc.NEXT_COUNT[s_prev[0]]):
-        s[0] = anpc.NEXT_TABLE[s_prev[0], ia]
-        for ib in range(anpc.NEXT_COUNT[s_prev[1]]):
-            s[1] = anpc.NEXT_TABLE[s_prev[1], ib]
-            for ic in range(anpc.NEXT_COUNT[s_prev[2]]):
-                s[2] = anpc.NEXT_TABLE[s_prev[2], ic]
+    for ia in range(inverter.NEXT_COUNT[s_prev[0]]):
+        s[0] = inverter.NEXT_TABLE[s_prev[0], ia]
+        for ib in range(inverter.NEXT_COUNT[s_prev[1]]):
+            s[1] = inverter.NEXT_TABLE[s_prev[1], ib]
+            for ic in range(inverter.NEXT_COUNT[s_prev[2]]):
+                s[2] = inverter.NEXT_TABLE[s_prev[2], ic]
                 fast.slopes(s, natural, forced, phase, midpoint, slope)
                 ahead = np.abs(first + slope)
                 if np.max(ahead - bound) == worst:

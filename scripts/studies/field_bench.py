@@ -147,11 +147,11 @@ def _make(setting: Setting, folder: Path, steps: int) -> dict[str, Any]:
         entry |= {"controller": "mpdcc", "method": "SESE" if setting.replaced else "SE"}
     else:
         several = drive.control.sequences
-        two_level = mptc_trace.read_trace(trace_file, sequences=several)
+        rows = mptc_trace.read_trace(trace_file, sequences=several)
         run = ideal_sequences.run if several else mptc_ideal.run
-        mptc_trace.write_decisions(ideal_file, run(drive, two_level))
+        mptc_trace.write_decisions(ideal_file, run(drive, rows))
         if not several:
-            write_table(costs_file, MPTC_COSTS, _mptc_costs(drive, two_level))
+            write_table(costs_file, MPTC_COSTS, _mptc_costs(drive, rows))
         entry |= {"controller": "mptc", "method": drive.control.method}
     entry["sha256"] = {
         path.name: hashlib.sha256(path.read_bytes()).hexdigest()

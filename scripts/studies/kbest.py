@@ -1,6 +1,6 @@
 """K-best beside SE, SESE and pulse-width modulation: THD at equal switching frequency.
 
-``python -m scripts kbest`` runs the bit-true models and the modulator on both five-level drives,
+``python -m scripts kbest`` runs the bit-true models and the modulator on both of its drives,
 writes ``reports/kbest.csv.gz``, one row per run, and from it a table of ``docs/pwm.md`` and
 ``reports/kbest.png``. A row that the file has already is not run again; ``--anew`` begins at the
 first. The capacitor bounds of all controllers are 0.05 and 0.08 pu; all measurements are exact.
@@ -253,8 +253,8 @@ def draw(found: Rows, path: Path) -> None:
     axes.flat[0].set_xlim(130, 350)
     axes.flat[0].set_ylim(1, 11)
     figure.suptitle(
-        "K-best, SE and SESE with capacitor bounds of 0.05 and 0.08 pu beside PWM, five-level "
-        "ANPC, rated current, bit-true models",
+        "K-best, SE and SESE with capacitor bounds of 0.05 and 0.08 pu beside PWM, "
+        "rated current, bit-true models",
         fontsize=10,
     )
     save_png(figure, path)

@@ -33,8 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.compiled import njit
-from directmpc.mpdcc import closed_loop, ideal
-from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import closed_loop, ideal, inverter
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.bit_true import paper as bit_true
@@ -163,7 +162,7 @@ def _cost(register, measurement, s_prev, s):
     effort = common.effort_of(s_prev, s, phase)
     weights = 0
     for x in range(3):
-        weights += anpc.NEUTRAL_CURRENT[s[x]] * weight_slope[x]
+        weights += inverter.NEUTRAL_CURRENT[s[x]] * weight_slope[x]
     value, _ = common.cost(effort, length, weight_start, weights, options.weight_scale)
     return value, length
 

@@ -13,7 +13,7 @@ import numpy as np
 from directmpc.api.drive_file import load_mptc_drive
 from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences
 from directmpc.mptc.drive import SEQUENCE_METHODS, SINGLE_METHODS, MptcDrive
-from directmpc.mptc.inverter import UNIT
+from directmpc.mptc.inverter import HALF_BRIDGES, UNIT
 from directmpc.mptc.plant import steady_state
 from directmpc.mptc.sequence import NEIGHBOURS, TIME_STEPS, VectorSequence, mean_voltage, whole
 from directmpc.mptc.trace import FloatArray, IntArray, MptcTrace
@@ -42,7 +42,7 @@ def _machine(
                 "rs": rs, "rr": rr, "lm": lm, "ls": lm + leakage, "lr": lm + leakage,
                 "pole_pairs": 2,
             },
-            "inverter": {"topology": "two_level", "vdc": 565.0},
+            "inverter": {"topology": HALF_BRIDGES[0], "vdc": 565.0},
             "control": {
                 "ts": 100e-6, "k_psi": 2.5 * torque_max, "psi_max": 1.25,
                 "current_max": current_max, "torque_max": torque_max, "speed_max": 500.0,

@@ -349,7 +349,7 @@ def draw(found: Rows, path: Path) -> None:
     axes.flat[0].set_ylim(0.9 * min(axis.dataLim.y0 for axis in axes.flat), 15)
     figure.suptitle(
         "MPDCC with capacitor bounds of 0.05 and 0.08 pu beside phase-disposition PWM, "
-        "five-level ANPC, rated current\n"
+        "rated current\n"
         "bit-true model of the fast variant, Paper A's rules",
         fontsize=10,
     )

@@ -1,4 +1,4 @@
-"""PWM of the five-level ANPC inverter with the exact plant, from event to event.
+"""PWM of the default converter with the exact plant, from event to event.
 
 The voltage reference is the machine's steady-state voltage at the operating point, without a
 current controller. Carriers are synchronous: a whole number of them lies in a fundamental period.

@@ -1,4 +1,4 @@
-"""A modulator for the five-level ANPC inverter: phase-disposition PWM with balanced capacitors.
+"""A modulator for the default converter: phase-disposition PWM with balanced capacitors.
 
 Four triangular carriers of one phase lie above one another, one in each band between two levels.
 The reference is sampled at each peak and each valley of the carriers (asymmetric regular sampling)
@@ -23,7 +23,7 @@ import numpy as np
 
 from directmpc.compiled import njit
 from directmpc.loads.load import FloatArray
-from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import inverter
 
 CLIPPING_WEIGHT = 1e4
 """Of the square of the volts that a pair cannot make, per unit: dearer than any imbalance."""
@@ -69,24 +69,26 @@ def with_common_mode(v_abc, vdc):
 @njit
 def position_voltage(s, vdc, v_n, v_ph):
     """Voltage of a phase in a position (Paper A, eq. 2)."""
-    return 0.5 * vdc * anpc.HALF_DC[s] + anpc.NEUTRAL[s] * v_n + anpc.CAPACITOR[s] * v_ph
+    return (
+        0.5 * vdc * inverter.HALF_DC[s] + inverter.NEUTRAL[s] * v_n + inverter.CAPACITOR[s] * v_ph
+    )
 
 
 @njit
 def _pairs(modulator, before, rising, wanted, v_n, v_ph, change, pairs, shares, lost, costs):
     """Fill the pairs that a phase may have, with the first one's share; returns how many."""
     count, vdc = 0, modulator.vdc
-    for n in range(anpc.NEXT_COUNT[before]):
-        first = anpc.NEXT_TABLE[before, n]
-        for m in range(anpc.NEXT_COUNT[first]):
-            second = anpc.NEXT_TABLE[first, m]
-            upwards = anpc.LEVEL[second] - anpc.LEVEL[first]
+    for n in range(inverter.NEXT_COUNT[before]):
+        first = inverter.NEXT_TABLE[before, n]
+        for m in range(inverter.NEXT_COUNT[first]):
+            second = inverter.NEXT_TABLE[first, m]
+            upwards = inverter.LEVEL[second] - inverter.LEVEL[first]
             if upwards != (-1 if rising else 1):
                 continue
             kept = 0.5
             for _ in range(ROUNDS):
-                before_second = v_ph + anpc.CAPACITOR_CURRENT[first] * change * kept
-                half = 0.5 * anpc.CAPACITOR_CURRENT[second] * change * (1.0 - kept)
+                before_second = v_ph + inverter.CAPACITOR_CURRENT[first] * change * kept
+                half = 0.5 * inverter.CAPACITOR_CURRENT[second] * change * (1.0 - kept)
                 one = position_voltage(first, vdc, v_n, 0.5 * (v_ph + before_second))
                 other = position_voltage(second, vdc, v_n, before_second + half)
                 share = (wanted - other) / (one - other)
@@ -94,9 +96,9 @@ def _pairs(modulator, before, rising, wanted, v_n, v_ph, change, pairs, shares, 
             lost[count] = (share - kept) * (one - other)
             pairs[count, 0], pairs[count, 1] = first, second
             shares[count] = kept
-            turn_ons = anpc.TRANSITION_WEIGHT[0, before, first]
+            turn_ons = inverter.TRANSITION_WEIGHT[0, before, first]
             if kept < 1.0:
-                turn_ons += anpc.TRANSITION_WEIGHT[0, first, second]
+                turn_ons += inverter.TRANSITION_WEIGHT[0, first, second]
             costs[count] = modulator.clipping * lost[count] ** 2 + modulator.switching * turn_ons
             count += 1
     return count
@@ -125,8 +127,10 @@ def half_period(modulator, before, v_abc, v_inv, currents, time, rising, first, 
             for part in range(2):
                 s = pairs[x, n, part]
                 lasts = time * (share[x, n] if part == 0 else 1.0 - share[x, n])
-                moved += anpc.CAPACITOR_CURRENT[s] * currents[x] * lasts / modulator.xph
-                drawn[x, n] -= anpc.NEUTRAL_CURRENT[s] * currents[x] * lasts / (2.0 * modulator.xdc)
+                moved += inverter.CAPACITOR_CURRENT[s] * currents[x] * lasts / modulator.xph
+                drawn[x, n] -= (
+                    inverter.NEUTRAL_CURRENT[s] * currents[x] * lasts / (2.0 * modulator.xdc)
+                )
             off = v_inv[1 + x] + moved - 0.25 * modulator.vdc
             cost[x, n] += off * off
     best, missed = np.inf, 0.0

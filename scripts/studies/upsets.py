@@ -145,16 +145,16 @@ _GUARD_PARTS = {
     "legs": ".",
 }
 CASES = {
-    "gate guard, ANPC": Case(
-        "gate_guard", {"FIVE_LEVEL": True, "LEAST_DEAD_TIME": 2}, LEGS[True], ("gates", "faults"),
+    f"gate guard, {LEGS[True].name}": Case(
+        "gate_guard", {"TABLED_LEG": True, "LEAST_DEAD_TIME": 2}, LEGS[True], ("gates", "faults"),
         _guard_run, _GUARD_PARTS,
     ),
-    "gate guard, two-level": Case(
-        "gate_guard", {"FIVE_LEVEL": False, "LEAST_DEAD_TIME": 2}, LEGS[False], ("gates", "faults"),
+    f"gate guard, {LEGS[False].name}": Case(
+        "gate_guard", {"TABLED_LEG": False, "LEAST_DEAD_TIME": 2}, LEGS[False], ("gates", "faults"),
         _guard_run, _GUARD_PARTS,
     ),
-    "gate guard, two-level, second supervisor": Case(
-        "gate_guard", {"FIVE_LEVEL": False, "LEAST_DEAD_TIME": 2, "SECOND_SUPERVISOR": True},
+    f"gate guard, {LEGS[False].name}, second supervisor": Case(
+        "gate_guard", {"TABLED_LEG": False, "LEAST_DEAD_TIME": 2, "SECOND_SUPERVISOR": True},
         LEGS[False], ("gates", "faults"), _guard_run, _GUARD_PARTS,
     ),
 }  # fmt: skip

@@ -209,7 +209,7 @@ def test_the_generated_packages_are_up_to_date() -> None:
     rtl = vhdl_package.Path(vhdl_package.__file__).parents[2] / "rtl"
     constants = (rtl / "mpdcc" / "directmpc_constants.vhd").read_text(encoding="utf-8")
     assert constants == vhdl_package.text()
-    leg = (rtl / "converter" / "anpc5l_leg.vhd").read_text(encoding="utf-8")
+    leg = (rtl / "converter" / "converter_leg.vhd").read_text(encoding="utf-8")
     assert leg == converter_package.text()
     shell = (rtl / "mpdcc" / "mpdcc_core.vhd").read_text(encoding="utf-8")
     assert shell == core_shells.text(core_shells.MPDCC)

@@ -8,6 +8,9 @@ Does not prove: that a table without contradictions is the converter meant.
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -113,6 +116,59 @@ def test_a_file_that_is_none(tmp_path: Path) -> None:
         converter.read_converter(file)
     with pytest.raises(ConverterError, match='got "npc"; it must be one of anpc5l, fc3l, npc3l'):
         converter.load("npc")
+
+
+OWN = FOLDER.parent / "examples" / "converters"
+
+
+def test_the_worked_example_is_sound() -> None:
+    leg = converter.read_converter(OWN / "anpc3l.toml")
+    assert leg.positions == 4
+    assert leg.is_forbidden({1, 5})
+    assert leg.is_forbidden({4, 6})
+    assert leg.commutation(1, 2) == (2, -6, 5, -3)
+    text = (OWN / "anpc3l.toml").read_text(encoding="utf-8")
+    wrong = text.replace("gates = [1, 2, 6]", "gates = [1, 2, 5]")
+    with pytest.raises(ConverterError) as caught:
+        converter._parsed("anpc3l.toml", "anpc3l", wrong)
+    page = (FOLDER.parent / "docs" / "converters.md").read_text(encoding="utf-8")
+    assert f"`{caught.value}`" in page.replace("\n", " ")
+
+
+def own(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """A command with converters of one's own."""
+    environment = os.environ | {converter.FOLDER: str(folder)}
+    return subprocess.run(
+        [sys.executable, "-m", "scripts", *arguments], cwd=FOLDER.parent, env=environment,
+        capture_output=True, text=True, timeout=900, check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.thorough
+def test_the_worked_example_runs_on_its_core(tmp_path: Path) -> None:
+    drive = OWN.parent / "anpc3l_3kv3.toml"
+    out = ("--out", str(tmp_path / "run.png"), "--trace", str(tmp_path / "run.csv"))
+    done = own(OWN, "run", "--drive", str(drive), "--steps", "60", *out)
+    assert done.returncode == 0, done.stderr
+    assert "60 checked" in done.stdout
+    assert "0 differ" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("file", "said"),
+    [
+        (None, "no folder with files of converters"),
+        ("npc3l.toml", "npc3l ships with directmpc; take another name"),
+        ("own.toml", "own.toml: title: missing"),
+    ],
+)
+def test_a_folder_of_one_s_own_that_is_wrong(file: str | None, said: str, tmp_path: Path) -> None:
+    if file:
+        (tmp_path / file).write_text("", encoding="utf-8")
+    done = own(tmp_path, "run", "--help")
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("name", converter.shipped())

@@ -162,7 +162,7 @@ def test_the_loop_makes_the_fundamental_and_its_switchings() -> None:
     step = np.abs(np.diff(inverter.LEVEL[run.positions], axis=0))
     assert step.max() == 1
     turn_ons = sum(
-        inverter.COMMUTATIONS_ANPC[s, t] + inverter.COMMUTATIONS_FC[s, t]
+        inverter.LEG.turn_ons()[s, t]
         for one, other in itertools.pairwise(run.positions)
         for s, t in zip(one, other, strict=True)
     )

@@ -3,7 +3,7 @@
 // gate_guard_checked has the properties. Here stand the facts that make each of them follow from one clock to the
 // next. A fact is proven as a property is: it holds after a reset, and one clock after all facts have held.
 //
-// FIVE_LEVEL, LEAST_DEAD_TIME: as gate_guard's.
+// TABLED_LEG, LEAST_DEAD_TIME: as gate_guard's.
 // Assumed: settings change only after renew, for property 9 alone.
 // Licence: Apache-2.0
 
@@ -20,9 +20,9 @@ module proof (
   input [7:0] frozen_limit
 );
 
-  localparam SIZE = `FIVE_LEVEL ? 8 : 2;  // gates of a leg
+  localparam SIZE = `TABLED_LEG ? 8 : 2;  // gates of a leg
   localparam COUNT = 3 * SIZE;
-  localparam [2:0] COUNTS = `FIVE_LEVEL ? 7 : 1;  // bits of a position
+  localparam [2:0] COUNTS = `TABLED_LEG ? 7 : 1;  // bits of a position
   localparam [11:0] LEAST = `LEAST_DEAD_TIME;
   localparam [1:0] OFF = 0, ARMED = 1, ACTIVE = 2;
   localparam [1:0] STOPPED = 0, STARTING = 1, RESTED = 2, ACTING = 3;
@@ -48,14 +48,14 @@ module proof (
   (* inside = "i_checked.was_on" *) wire was_on;
   (* inside = "i_checked.ages" *) wire [13*COUNT-1:0] ages;
   (* inside = "i_checked.floor_dead" *) wire [11:0] floor_dead;
-  (* inside = "i_checked.most_dead", when = "FIVE_LEVEL" *) wire [11:0] most_dead;
-  (* inside = "i_checked.since", when = "FIVE_LEVEL" *) wire [14:0] since;
+  (* inside = "i_checked.most_dead", when = "TABLED_LEG" *) wire [11:0] most_dead;
+  (* inside = "i_checked.since", when = "TABLED_LEG" *) wire [14:0] since;
   (* inside = "i_checked.cut" *) wire cut;
   (* inside = "i_checked.floor_on" *) wire [11:0] floor_on;
   (* inside = "i_checked.floor_off" *) wire [11:0] floor_off;
   (* inside = "i_checked.fresh" *) wire fresh;
-  (* inside = "i_checked.whole", when = "FIVE_LEVEL" *) wire [8:0] whole;
-  (* inside = "i_checked.entered", when = "FIVE_LEVEL" *) wire [2:0] entered;
+  (* inside = "i_checked.whole", when = "TABLED_LEG" *) wire [8:0] whole;
+  (* inside = "i_checked.entered", when = "TABLED_LEG" *) wire [2:0] entered;
   (* inside = "i_checked.offered" *) wire [8:0] offered;
   (* inside = "i_checked.wanted" *) wire [8:0] accepted_last;
   (* inside = "i_checked.hungry" *) wire [16:0] hungry;
@@ -105,14 +105,14 @@ module proof (
 
   // the bands
   (* inside = "i_checked.i_guard.i_bands.valid_1" *) wire banded_1;
-  (* inside = "i_checked.i_guard.i_bands.capacitor_1", when = "FIVE_LEVEL" *) wire capacitor_1;
-  (* inside = "i_checked.i_guard.i_bands.neutral_1", when = "FIVE_LEVEL" *) wire neutral_1;
+  (* inside = "i_checked.i_guard.i_bands.capacitor_1", when = "TABLED_LEG" *) wire capacitor_1;
+  (* inside = "i_checked.i_guard.i_bands.neutral_1", when = "TABLED_LEG" *) wire neutral_1;
   (* inside = "i_checked.i_guard.i_bands.speed_1" *) wire speed_1;
-  (* inside = "i_checked.i_guard.i_bands.capacitor_2", when = "FIVE_LEVEL" *) wire capacitor_2;
-  (* inside = "i_checked.i_guard.i_bands.neutral_2", when = "FIVE_LEVEL" *) wire neutral_2;
+  (* inside = "i_checked.i_guard.i_bands.capacitor_2", when = "TABLED_LEG" *) wire capacitor_2;
+  (* inside = "i_checked.i_guard.i_bands.neutral_2", when = "TABLED_LEG" *) wire neutral_2;
   (* inside = "i_checked.i_guard.i_bands.speed_2" *) wire speed_2;
-  (* inside = "i_checked.i_guard.i_bands.capacitor", when = "FIVE_LEVEL" *) wire capacitor_3;
-  (* inside = "i_checked.i_guard.i_bands.neutral", when = "FIVE_LEVEL" *) wire neutral_3;
+  (* inside = "i_checked.i_guard.i_bands.capacitor", when = "TABLED_LEG" *) wire capacitor_3;
+  (* inside = "i_checked.i_guard.i_bands.neutral", when = "TABLED_LEG" *) wire neutral_3;
   (* inside = "i_checked.i_guard.i_bands.speed" *) wire speed_3;
 
   // the legs
@@ -143,9 +143,9 @@ module proof (
   (* inside = "i_checked.i_guard.g_legs_n1_i_leg.ends" *) wire ends_a;
   (* inside = "i_checked.i_guard.g_legs_n2_i_leg.ends" *) wire ends_b;
   (* inside = "i_checked.i_guard.g_legs_n3_i_leg.ends" *) wire ends_c;
-  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.starts", when = "FIVE_LEVEL" *) wire starts_a;
-  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.starts", when = "FIVE_LEVEL" *) wire starts_b;
-  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.starts", when = "FIVE_LEVEL" *) wire starts_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.starts", when = "TABLED_LEG" *) wire starts_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.starts", when = "TABLED_LEG" *) wire starts_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.starts", when = "TABLED_LEG" *) wire starts_c;
   (* inside = "i_checked.i_guard.g_legs_n1_i_leg.i_countdown.left" *) wire [11:0] left_a;
   (* inside = "i_checked.i_guard.g_legs_n2_i_leg.i_countdown.left" *) wire [11:0] left_b;
   (* inside = "i_checked.i_guard.g_legs_n3_i_leg.i_countdown.left" *) wire [11:0] left_c;
@@ -155,9 +155,9 @@ module proof (
   (* inside = "i_checked.i_guard.g_legs_n1_i_leg.asked" *) wire [2:0] asked_a;
   (* inside = "i_checked.i_guard.g_legs_n2_i_leg.asked" *) wire [2:0] asked_b;
   (* inside = "i_checked.i_guard.g_legs_n3_i_leg.asked" *) wire [2:0] asked_c;
-  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.follows", when = "FIVE_LEVEL" *) wire follows_a;
-  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.follows", when = "FIVE_LEVEL" *) wire follows_b;
-  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.follows", when = "FIVE_LEVEL" *) wire follows_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.follows", when = "TABLED_LEG" *) wire follows_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.follows", when = "TABLED_LEG" *) wire follows_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.follows", when = "TABLED_LEG" *) wire follows_c;
   (* inside = "i_checked.i_guard.g_legs_n1_i_leg.moves" *) wire moves_a;
   (* inside = "i_checked.i_guard.g_legs_n2_i_leg.moves" *) wire moves_b;
   (* inside = "i_checked.i_guard.g_legs_n3_i_leg.moves" *) wire moves_c;
@@ -167,25 +167,25 @@ module proof (
 
   // gates S8 to S1 of a position
   function [SIZE-1:0] full(input [2:0] s);
-    if (`FIVE_LEVEL) full = {!s[1], !s[0], s[0], s[1], !s[2], s[2], !s[2], s[2]};
+    if (`TABLED_LEG) full = {!s[1], !s[0], s[0], s[1], !s[2], s[2], !s[2], s[2]};
     else full = {!s[0], s[0]};
   endfunction
 
   // one commutation apart, or the same
   function follows(input [2:0] a, input [2:0] b);
-    follows = !`FIVE_LEVEL || a == b || (a ^ b) == 1 || (a ^ b) == 2 || ((a ^ b) == 6 && a[2] != a[1]);
+    follows = !`TABLED_LEG || a == b || (a ^ b) == 1 || (a ^ b) == 2 || ((a ^ b) == 6 && a[2] != a[1]);
   endfunction
 
   // a pattern that may never be
   function shorts(input [SIZE-1:0] v);
-    if (!`FIVE_LEVEL) shorts = v[0] && v[1];
+    if (!`TABLED_LEG) shorts = v[0] && v[1];
     else shorts = (v[0] && v[1]) || (v[2] && v[3]) || (v[1] && v[2]) || (v[5] && v[6]) || (v[0] && v[3])
                   || (v[0] && v[4] && v[7]) || (v[3] && v[4] && v[7]);
   endfunction
 
   // number of the last action
   function [2:0] last(input [2:0] a, input [2:0] b);
-    last = `FIVE_LEVEL && a[2] != b[2] ? 5 : 1;
+    last = `TABLED_LEG && a[2] != b[2] ? 5 : 1;
   endfunction
 
   // gate of an action
@@ -193,7 +193,7 @@ module proof (
     reg [2:0] k;
     begin
       k = a[2] ? 5 - n : n;
-      if (!`FIVE_LEVEL) gate_of = a[0] ^ n[0] ? 1 : 2;
+      if (!`TABLED_LEG) gate_of = a[0] ^ n[0] ? 1 : 2;
       else if (a[2] != b[2])
         gate_of = k == 0 ? 8'h08 : k == 1 ? 8'h80 : k == 2 ? 8'h02 : k == 3 ? 8'h04 : k == 4 ? 8'h10 : 8'h01;
       else if (a[1] != b[1]) gate_of = a[1] ^ n[0] ? 8'h10 : 8'h80;
@@ -212,17 +212,17 @@ module proof (
 
   // gates of a position that the first steps of a start have turned on
   function [SIZE-1:0] begun(input [2:0] s, input [2:0] n);
-    begun = full(s) & (!`FIVE_LEVEL ? 2'b11 : n == 1 ? 8'hf0 : n == 2 ? 8'hf6 : 8'hff);
+    begun = full(s) & (!`TABLED_LEG ? 2'b11 : n == 1 ? 8'hf0 : n == 2 ? 8'hf6 : 8'hff);
   endfunction
 
   // gates at the rails
   function rail(input [SIZE-1:0] v);
-    rail = `FIVE_LEVEL ? v[0] || v[3] : v != 0;
+    rail = `TABLED_LEG ? v[0] || v[3] : v != 0;
   endfunction
 
   // steps of a stop that are left, with no gate at a rail on
   function [1:0] steps(input [SIZE-1:0] v);
-    if (!`FIVE_LEVEL || v == 0) steps = 0;
+    if (!`TABLED_LEG || v == 0) steps = 0;
     else if ((v[1] && !v[7]) || (v[2] && !v[4])) steps = 3;
     else steps = v[1] || v[2] ? 2 : 1;
   endfunction
@@ -281,7 +281,7 @@ module proof (
   wire fact_dark = state != ARMED || gates == 0;
   wire fact_bright = gates == 0 || off_for == 0;
   wire fact_changed = before == 0 || off_for == 0;
-  wire fact_most = !`FIVE_LEVEL || (state == OFF && gates == 0 && off_for == 0) || dead <= most;
+  wire fact_most = !`TABLED_LEG || (state == OFF && gates == 0 && off_for == 0) || dead <= most;
   wire fact_since = state != ACTIVE || !was_on || since == 0;
   wire fact_floor = (floor <= dead && floor_on <= rest && floor_off <= rest);
   wire fact_starved = state != ACTIVE || (hungry == starved_left + 17'd2 && starved_done == (starved_left == 0));
@@ -323,7 +323,7 @@ module proof (
       wire [1:0] encoded = x == 0 ? phase_a : x == 1 ? phase_b : phase_c;
       wire [1:0] phase = !live ? STOPPED : encoded + 2'd1;
       wire [2:0] asked = x == 0 ? asked_a : x == 1 ? asked_b : asked_c;
-      wire follows_now = !`FIVE_LEVEL || (x == 0 ? follows_a : x == 1 ? follows_b : follows_c);
+      wire follows_now = !`TABLED_LEG || (x == 0 ? follows_a : x == 1 ? follows_b : follows_c);
       wire moves_now = x == 0 ? moves_a : x == 1 ? moves_b : moves_c;
       wire waiting = x == 0 ? waiting_a : x == 1 ? waiting_b : waiting_c;
       wire [2:0] accepted = x == 0 ? accepted_a : x == 1 ? accepted_b : accepted_c;
@@ -332,7 +332,7 @@ module proof (
       wire [2:0] action = x == 0 ? action_a : x == 1 ? action_b : action_c;
       wire [SIZE-1:0] first = x == 0 ? first_a : x == 1 ? first_b : first_c;
       wire [SIZE-1:0] further = x == 0 ? further_a : x == 1 ? further_b : further_c;
-      wire starts = `FIVE_LEVEL && (x == 0 ? starts_a : x == 1 ? starts_b : starts_c);
+      wire starts = `TABLED_LEG && (x == 0 ? starts_a : x == 1 ? starts_b : starts_c);
       wire ends = x == 0 ? ends_a : x == 1 ? ends_b : ends_c;
       wire [11:0] left = x == 0 ? left_a : x == 1 ? left_b : left_c;
       wire done = x == 0 ? done_a : x == 1 ? done_b : done_c;
@@ -352,7 +352,7 @@ module proof (
       wire fact_waiting = waiting == (phase == STARTING || (moves && accepted != target));
       wire fact_idle = phase != STARTING || driven == 0;
       wire fact_no_rail = live || !rail(driven);
-      wire fact_whole_stop = live || !`FIVE_LEVEL || !(driven[1] && driven[2]);
+      wire fact_whole_stop = live || !`TABLED_LEG || !(driven[1] && driven[2]);
       wire fact_left = !(phase == ACTING || going) || left < dead;
       wire [14:0] rest_of_stop = steps(driven) == 3 ? {dead, 1'b0} : steps(driven) == 2 ? dead : 0;
       wire fact_in_time = !going || since + left + 15'd1 + rest_of_stop <= {dead, 1'b0} + dead;
@@ -360,7 +360,7 @@ module proof (
       wire fact_rested = phase != RESTED || driven == full(target);
       wire fact_first = !moves || (follows(target, accepted)
                        && (target == accepted || first == gate_of(target, accepted, 0)));
-      wire fact_starts = phase != ACTING || !starts || (`FIVE_LEVEL && action >= 1 && action <= 2
+      wire fact_starts = phase != ACTING || !starts || (`TABLED_LEG && action >= 1 && action <= 2
                         && further == (begun(target, action + 3'd1) & ~begun(target, action))
                         && ends == (action == 2) && driven == begun(target, action));
       wire fact_acting = phase != ACTING || starts || (follows(origin, target) && origin != target && action >= 1
@@ -370,14 +370,14 @@ module proof (
       wire fact_entered = !entered[x] || phase == RESTED || phase == ACTING || was_on;
       wire fact_unentered = !(phase == STARTING || (phase == ACTING && starts)) || !entered[x];
       wire fact_whole = !(phase == RESTED && entered[x]) || follows(seen, target);
-      wire fact_between = phase != ACTING || starts || !`FIVE_LEVEL || (entered[x] && seen == origin);
-      wire fact_bit = `FIVE_LEVEL || ((phase == STOPPED || accepted[2:1] == 0) && (!moves || target[2:1] == 0)
+      wire fact_between = phase != ACTING || starts || !`TABLED_LEG || (entered[x] && seen == origin);
+      wire fact_bit = `TABLED_LEG || ((phase == STOPPED || accepted[2:1] == 0) && (!moves || target[2:1] == 0)
                                        && (phase != ACTING || starts || origin[2:1] == 0) && asked[2:1] == 0);
 
       wire [SIZE-1:0] recent;  // on, or off for less than a dead time
       wire [SIZE-1:0] held;    // unchanged for a dead time
       wire [SIZE-1:0] was = before[SIZE*x +: SIZE];
-      wire free = !`FIVE_LEVEL || cut || latched[8];  // of the order of a stop
+      wire free = !`TABLED_LEG || cut || latched[8];  // of the order of a stop
 
       for (i = 0; i < SIZE; i = i + 1) begin : gate
         localparam N = SIZE * x + i;

@@ -181,12 +181,12 @@ def test_decisions_do_what_the_goals_name() -> None:
     found = {
         "one_switching": functional.one_switching(16, 64, 2),
         "two_switchings": functional.two_switchings(4, 24, 2),
-        "two_level": functional.two_level(12, 2) + functional.ties_of_vectors(),
+        "mptc": functional.mptc(12, 2) + functional.ties_of_vectors(),
     }
     wanted = goals.read()
     assert found["one_switching"]["search"] >= 20
     assert found["two_switchings"]["the choice is a node"] >= 1
-    assert found["two_level"]["MPTC: tie of all vectors"] == 64
+    assert found["mptc"]["MPTC: tie of all vectors"] == 64
     for group, names in wanted.functional.items():
         met = sum(found[group][name] > 0 for name in names)
         # a sample of the states that the goals ask for
@@ -254,7 +254,7 @@ def test_a_goal_that_is_missed_ends_with_one(
     monkeypatch.setattr(goals, "KEPT", tmp_path / "first")
     out = tmp_path / "coverage.json"
     assert COMMAND.main(["functional", "--out", str(out)]) == 0
-    del found["two_level"]["MPTC: u_3"]
+    del found["mptc"]["MPTC: u_3"]
     # what was measured stays as it is, until something changes that it depends on
     assert COMMAND.main(["functional", "--out", str(out)]) == 0
     monkeypatch.setattr(goals, "KEPT", tmp_path / "second")

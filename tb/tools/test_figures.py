@@ -724,7 +724,7 @@ SAID: dict[str, list[Said]] = {
     ],
     "docs/gate-guard.md": [
         ("ECP5: {} LUT and {} flip-flops (ANPC), {} and {} (two-level)",
-         lambda: (*of_an_ecp5("gate_guard"), *of_an_ecp5("gate_guard-five_level_false"))),
+         lambda: (*of_an_ecp5("gate_guard"), *of_an_ecp5("gate_guard-tabled_leg_false"))),
     ],
 }  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 Stimulus: every picture that stored tables are enough for, drawn anew; figures with seeded faults.
 Checks: no title, label or mark of a tick leaves its picture; no curve, bar or interval leaves its
-axes; a title names the drive, or says that both five-level drives are meant, and the speed; title
+axes; a title names the drive, or says that both drives of MPDCC are meant, and the speed; title
 or legend say what decides; the file in reports/ is the one drawn, but for one pixel in ten
 thousand, because another processor may round otherwise; drawn twice, the bytes are the same.
 Does not prove: that a picture is well understood; anything of pictures that need a run.
@@ -174,7 +174,7 @@ def test_pictures_can_be_read(name: str, tmp_path: Path, monkeypatch: pytest.Mon
     assert len(seen) == count
     for picture, found, said, listed in seen:
         assert not found, picture
-        assert re.search(r"\d kV|\d kW|five-level drives", said), picture
+        assert re.search(r"\d kV|\d kW|drives of MPDCC", said), picture
         assert re.search(r"variant|fast|model|bserver", f"{said} {listed}"), picture
         assert re.search(r"speed|pu|r/min|operating points", said) or name == "sweep", picture
         differing = unlike(tmp_path / picture, REPORTS / picture)

@@ -63,7 +63,7 @@ def _high(one: dict[str, float], form: str) -> str:
 
 
 def test_robustness_of_two_level_drives() -> None:
-    two_level = METRICS["robustness"]["two_level"]["MPTC"]
+    two_level = METRICS["robustness"]["mptc"]["MPTC"]
     found = table("reports/robustness.md", "two-level")
     assert len(found) == len(mptc_robustness.CASES) - 1
     for case, *cells in found:

@@ -10,7 +10,7 @@ import math
 
 from directmpc.kbest.drive import KbestDrive
 from directmpc.loads.load import Fact
-from directmpc.mpdcc.drive import Drive, FiveLevelDrive
+from directmpc.mpdcc.drive import Drive, PerUnitDrive
 from directmpc.mpdcc.formats import CURRENT, FLUX, SPEED
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.plant import breakdown_torque, slip
@@ -32,7 +32,7 @@ def data_sheet(drive: Drive | KbestDrive | MptcDrive) -> list[Fact]:
     Returns
     -------
     list of Fact
-        Per unit for a five-level inverter, with the SI value; SI for a two-level one.
+        Per unit, with the SI value; SI alone for a drive of MPTC.
     """
     return _SHEETS[drive.controller](drive)
 
@@ -58,7 +58,7 @@ def doubts(drive: Drive | KbestDrive | MptcDrive) -> list[str]:
     ]
 
 
-def _five_level(drive: FiveLevelDrive) -> list[Fact]:
+def _per_unit(drive: PerUnitDrive) -> list[Fact]:
     """Facts of a drive per unit: base values, the load's, inverter, control, full scales."""
     base, inverter = drive.base, drive.inverter
     omega = 2.0 * math.pi * base.frequency
@@ -129,7 +129,7 @@ def _five_level(drive: FiveLevelDrive) -> list[Fact]:
     return [with_si(fact) for fact in facts]
 
 
-def _two_level(drive: MptcDrive) -> list[Fact]:
+def _in_si(drive: MptcDrive) -> list[Fact]:
     """Facts of a drive in SI, at the flux that `make run` asks for."""
     m, c = drive.machine, drive.control
     psi, most = SHARE_OF_FLUX * c.psi_max, drive.inverter.vdc / math.sqrt(3.0)
@@ -185,5 +185,5 @@ def _two_level(drive: MptcDrive) -> list[Fact]:
     ]  # fmt: skip
 
 
-_SHEETS = {"mpdcc": _five_level, "kbest": _five_level, "mptc": _two_level}
+_SHEETS = {"mpdcc": _per_unit, "kbest": _per_unit, "mptc": _in_si}
 """Facts of a drive, by its controller."""

@@ -2,7 +2,7 @@
 
 The rotor is a mass on which torque, load and friction act. A PI controller with anti-windup makes
 the torque reference of the error of the speed. MPTC and MPFC take it with a reference of the stator
-flux. A five-level drive gets a current reference in the coordinates of its flux: one part makes the
+flux. A drive of MPDCC gets a current reference in the coordinates of its flux: one part makes the
 flux, the other the torque. In both the flux falls as 1/speed where the dc link carries no more, the
 references stay within a current, and the torque waits until a machine has its flux.
 """
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from directmpc.drive_tables import allowed
 from directmpc.loads.load import SteadyState
 from directmpc.mpdcc import closed_loop as mpdcc_loop
-from directmpc.mpdcc.drive import FiveLevelDrive
+from directmpc.mpdcc.drive import PerUnitDrive
 from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc.closed_loop import MAGNETISED, limits_of
 from directmpc.mptc.drive import MptcDrive
@@ -37,7 +37,7 @@ WEIGHT = 0.5
 """Of the reference in the proportional part: with it the speed follows a step without overshoot."""
 
 CURRENT_LIMIT = 1.2
-"""Of the current reference of a five-level drive, per unit."""
+"""Of the current reference of a drive per unit."""
 
 CURRENT_SHARE = 0.6
 """Of a two-level drive's `guard.current_limit`, or its `current_max`: largest current asked for."""
@@ -52,7 +52,7 @@ class Course:
     speed, load : callable
         Rotor speed (electrical, pu or rad/s) and load torque (pu or N*m) at a time in s.
     inertia : float
-        Inertia constant in s for a five-level drive, kg*m^2 for a two-level one.
+        Inertia constant in s for a drive per unit, kg*m^2 for one of MPTC.
     friction : float
         Torque over speed: pu, or N*m*s of the mechanical speed.
     flux : float or None
@@ -104,11 +104,11 @@ class Course:
 
 
 class FieldOrientation:
-    """Outer loop of a five-level drive: references of every step, and the speed of the rotor.
+    """Outer loop of a drive per unit: references of every step, and the speed of the rotor.
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         What it is set up for.
     course : Course
         Speed, load, inertia.
@@ -123,7 +123,7 @@ class FieldOrientation:
         What is asked of the rotor, and what acts on it, at each step.
     """
 
-    def __init__(self, drive: FiveLevelDrive, course: Course, steps: int) -> None:
+    def __init__(self, drive: PerUnitDrive, course: Course, steps: int) -> None:
         self._load, self._ts, self._course = drive.machine, drive.control.ts, course
         self.speeds, self.loads = course.over(self._ts, steps)
         self._matrices = drive.machine.matrices
@@ -247,7 +247,7 @@ FIRST = 0.05
 
 
 def scenario(
-    drive: FiveLevelDrive | MptcDrive,
+    drive: PerUnitDrive | MptcDrive,
     name: str,
     speed: float | None = None,
     inertia: float | None = None,
@@ -259,7 +259,7 @@ def scenario(
 
     Parameters
     ----------
-    drive : FiveLevelDrive or MptcDrive
+    drive : PerUnitDrive or MptcDrive
         Of a machine; its limits decide how long it takes.
     name : str
         One of `SCENARIOS`.

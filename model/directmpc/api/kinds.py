@@ -23,7 +23,7 @@ from directmpc.mpdcc import ideal as mpdcc_ideal
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.bit_true import common as mpdcc_words
 from directmpc.mpdcc.closed_loop import OperatingPoint
-from directmpc.mpdcc.drive import Drive, FiveLevelDrive, only_default
+from directmpc.mpdcc.drive import Drive, PerUnitDrive, only_default
 from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mpdcc.metrics import switching_frequency
 from directmpc.mpdcc.trace import FloatArray, MpdccTrace
@@ -182,21 +182,21 @@ class _FiveLevelKind:
     sensorless = False
     unit = "pu"
 
-    def formats(self, drive: FiveLevelDrive) -> Mapping[str, Format]:
+    def formats(self, drive: PerUnitDrive) -> Mapping[str, Format]:
         """The same for every drive."""
         return MPDCC_MEASUREMENTS
 
-    def ts(self, drive: FiveLevelDrive) -> float:
+    def ts(self, drive: PerUnitDrive) -> float:
         """Per unit."""
         return drive.ts_pu
 
     def torque(
-        self, drive: FiveLevelDrive, speed: float, torque: float | None
+        self, drive: PerUnitDrive, speed: float, torque: float | None
     ) -> tuple[float, float, str]:
         """As of `Kind`; power over frequency of a load that is no machine."""
         return OperatingPoint(speed, torque=torque).steady_state(drive.machine).torque, 1.0, "pu"
 
-    def warm_up(self, drive: FiveLevelDrive, controller: Controller) -> None:
+    def warm_up(self, drive: PerUnitDrive, controller: Controller) -> None:
         """Two steps of a loop."""
         profile = mpdcc_loop.constant_profile(drive, OperatingPoint(1.0), 2)
         mpdcc_loop.drive_controller(drive, controller, profile, 2)
@@ -211,13 +211,13 @@ class _FiveLevelKind:
         drive = result.drive
         return switching_frequency(positions, drive.control.ts, drive.converter).per_device
 
-    def units(self, drive: FiveLevelDrive) -> Units:
+    def units(self, drive: PerUnitDrive) -> Units:
         """Of the drive's base values."""
         base, omega = drive.base, 2.0 * math.pi * drive.base.frequency
         power = 1.5 * base.voltage * base.current
         return Units(base.current, base.voltage / omega, power / omega, omega, power)
 
-    def look(self, drive: FiveLevelDrive) -> Look:
+    def look(self, drive: PerUnitDrive) -> Look:
         """As of `Kind`, with SI on the right."""
         unit, volts = self.units(drive), math.sqrt(1.5) * drive.base.voltage
         right = (
@@ -244,7 +244,7 @@ class _FiveLevelKind:
     write_trace = staticmethod(trace.write_trace)
 
     def outer(
-        self, drive: FiveLevelDrive, real: FiveLevelDrive, course: Course, steps: int
+        self, drive: PerUnitDrive, real: PerUnitDrive, course: Course, steps: int
     ) -> FieldOrientation:
         """As of `Kind`."""
         return FieldOrientation(drive, course, steps)
@@ -275,7 +275,7 @@ class _FiveLevelKind:
         )
 
     def decide(
-        self, drive: FiveLevelDrive, function: Any, parameters: Any, state: MpdccState
+        self, drive: PerUnitDrive, function: Any, parameters: Any, state: MpdccState
     ) -> MpdccDecision:
         """As of `Kind`."""
         row = mpdcc_row(drive, state)
@@ -292,7 +292,7 @@ class _FiveLevelKind:
         given = VARIANTS[variant].registers(drive)
         return "mpdcc_core" + "_paper" * (variant == "paper"), given.ports(), given.array()
 
-    def encoder(self, drive: FiveLevelDrive) -> Encoder:
+    def encoder(self, drive: PerUnitDrive) -> Encoder:
         """As of `Kind`."""
 
         def encode(state: MpdccState) -> tuple[dict[str, int], dict[str, int], bool]:
@@ -305,9 +305,7 @@ class _FiveLevelKind:
 
         return encode
 
-    def decision(
-        self, drive: FiveLevelDrive, out: dict[str, int], saturated: bool
-    ) -> MpdccDecision:
+    def decision(self, drive: PerUnitDrive, out: dict[str, int], saturated: bool) -> MpdccDecision:
         """As of `Kind`."""
         apply = (out["s_a"], out["s_b"], out["s_c"])
         return MpdccDecision(
@@ -530,12 +528,12 @@ def _applied(drive: MptcDrive, state: MptcState) -> int | VectorSequence:
     return applied
 
 
-def mpdcc_row(drive: FiveLevelDrive, state: MpdccState) -> MpdccTrace:
+def mpdcc_row(drive: PerUnitDrive, state: MpdccState) -> MpdccTrace:
     """A state as a trace of one row.
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Gives v_dc where the state has none.
     state : MpdccState
         Per unit.

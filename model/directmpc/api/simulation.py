@@ -30,7 +30,7 @@ from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import closed_loop as mpdcc_loop
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
-from directmpc.mpdcc.drive import Drive, FiveLevelDrive
+from directmpc.mpdcc.drive import Drive, PerUnitDrive
 from directmpc.mpdcc.errors import DriveErrors
 from directmpc.mpdcc.formats import CURRENT, FLUX
 from directmpc.mpdcc.leakage import LeakageEstimate
@@ -97,13 +97,13 @@ def check_speed(drive: Drive | KbestDrive | MptcDrive, speed: float | None) -> N
         drive.check_speed(speed)
 
 
-def check_point(drive: FiveLevelDrive, point: OperatingPoint) -> None:
+def check_point(drive: PerUnitDrive, point: OperatingPoint) -> None:
     """Refuse an operating point beyond what the controller can measure.
 
     Parameters
     ----------
-    drive : FiveLevelDrive
-        Drive of a five-level inverter.
+    drive : PerUnitDrive
+        Drive per unit.
     point : OperatingPoint
         Per unit.
 
@@ -235,7 +235,7 @@ def simulate(
         but for magnets, without flux.
     inertia : float, optional
         Gives the rotor a mass and the drive a speed controller (`directmpc.api.dynamics`). Inertia
-        constant in s for a five-level drive (kinetic energy at rated frequency over rated apparent
+        constant in s for a drive per unit (kinetic energy at rated frequency over rated apparent
         power), kg*m^2 for MPTC; with `load`, `start` or a `speed` over time the drive file's if not
         given. The friction is the drive file's.
     settle : int
@@ -310,7 +310,7 @@ def simulate(
         raise TypeError(f"flux_observer: got {_named(flux_observer)}; True or False is needed")
     if flux_observer and kind.sensorless:
         raise TypeError(
-            "flux_observer: given for a drive of MPTC; only those of a five-level inverter have it "
+            "flux_observer: given for a drive of MPTC; only those of MPDCC have it "
             "(sensorless=True lets MPTC work on an observer)"
         )
     if flux_observer and not drive.machine.has_flux_observer:

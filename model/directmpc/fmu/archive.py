@@ -16,7 +16,7 @@ from xml.etree import ElementTree as ET
 from directmpc import __version__
 from directmpc.fmu.variables import Model, Variable, controller, plant, system_of
 from directmpc.host.registers import CORE_CLOCK
-from directmpc.mpdcc.drive import Drive, FiveLevelDrive
+from directmpc.mpdcc.drive import Drive, PerUnitDrive
 from directmpc.mptc.drive import MptcDrive
 from directmpc.native import library
 from directmpc.output_files import replacing
@@ -100,7 +100,7 @@ def write_controller(
 
 
 def write_plant(
-    drive: FiveLevelDrive | MptcDrive,
+    drive: PerUnitDrive | MptcDrive,
     out: str | os.PathLike[str],
     *,
     version: str = "3.0",
@@ -111,8 +111,8 @@ def write_plant(
 
     Parameters
     ----------
-    drive : FiveLevelDrive or MptcDrive
-        Whose plant it is; per unit of the five-level inverter, SI for MPTC.
+    drive : PerUnitDrive or MptcDrive
+        Whose plant it is; per unit, SI for MPTC.
     out : str or path
         File to write or to replace.
     version : str

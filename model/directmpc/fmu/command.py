@@ -8,7 +8,7 @@ from typing import Any
 
 from directmpc.fmu.archive import VERSIONS, FmuError, write_controller, write_plant
 from directmpc.host.registers import CORE_CLOCK
-from directmpc.mpdcc.drive import FiveLevelDrive
+from directmpc.mpdcc.drive import PerUnitDrive
 from directmpc.mptc.drive import MptcDrive
 
 
@@ -37,12 +37,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def write(drive: FiveLevelDrive | MptcDrive, given: argparse.Namespace) -> Path:
+def write(drive: PerUnitDrive | MptcDrive, given: argparse.Namespace) -> Path:
     """Write what was asked for.
 
     Parameters
     ----------
-    drive : FiveLevelDrive or MptcDrive
+    drive : PerUnitDrive or MptcDrive
         The drive that `given.drive` names.
     given : argparse.Namespace
         Arguments of `add_arguments`.

@@ -21,7 +21,7 @@ from directmpc.host.registers import (
     values,
 )
 from directmpc.mpdcc import plant as mpdcc_plant
-from directmpc.mpdcc.drive import Drive, FiveLevelDrive, only_default
+from directmpc.mpdcc.drive import Drive, PerUnitDrive, only_default
 from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc.drive import MptcDrive
@@ -467,13 +467,13 @@ def _row(numbers: np.ndarray) -> str:
     return " ".join(repr(float(v)) for v in np.ravel(numbers))
 
 
-def plant(drive: FiveLevelDrive | MptcDrive, name: str) -> Model:
+def plant(drive: PerUnitDrive | MptcDrive, name: str) -> Model:
     """The exact plant of a drive: machine and inverter with ideal switches at an imposed speed.
 
     Parameters
     ----------
-    drive : FiveLevelDrive or MptcDrive
-        Whose plant it is; per unit of the five-level inverter, SI for MPTC, as the drive file.
+    drive : PerUnitDrive or MptcDrive
+        Whose plant it is; per unit, SI for MPTC, as the drive file.
     name : str
         Model identifier, a C identifier.
 
@@ -488,7 +488,7 @@ def plant(drive: FiveLevelDrive | MptcDrive, name: str) -> Model:
         If the drive has another converter than the usual one.
     """
     model = Model(name, f"Exact plant of {name}", "plant", drive.control.ts)
-    if isinstance(drive, FiveLevelDrive):
+    if isinstance(drive, PerUnitDrive):
         only_default(drive)
         data = mpdcc_plant.plant_data(
             drive.machine, drive.inverter.xdc, drive.inverter.xph, drive.ts_pu

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from directmpc.converter import Converter, load, shipped
+from directmpc.converter import Converter, load, names
 
 #: Faults, bit 0 first.
 FAULTS: tuple[str, ...] = (
@@ -33,20 +33,20 @@ TIME_HIGH = 2**12 - 1
 
 
 LEGS: dict[bool | str, Converter] = {
-    True: load("anpc5l"),
-    False: load("two_level"),
-    **{name: load(name) for name in shipped()},
+    True: next(leg for leg in map(load, names()) if leg.is_default),
+    False: next(leg for leg in map(load, names()) if leg.positions == 2),
+    **{name: load(name) for name in names()},
 }
-"""Converters of the guard, by its parameter `five_level`: as the generic of `gate_guard`, where
+"""Converters of the guard, by its parameter `tabled_leg`: as the generic of `gate_guard`, where
 true is the usual converter's leg, or by name."""
 
 
-def gates_of(five_level: bool | str, position: int) -> frozenset[int]:
+def gates_of(tabled_leg: bool | str, position: int) -> frozenset[int]:
     """Gates that are on in a position.
 
     Parameters
     ----------
-    five_level : bool or str
+    tabled_leg : bool or str
         Key of `LEGS`.
     position : int
         0..7; of a two-level leg bit 0 counts alone: 1 connects the phase to the positive rail.
@@ -56,16 +56,16 @@ def gates_of(five_level: bool | str, position: int) -> frozenset[int]:
     frozenset of int
         Gate n is switch Sn of the converter's file.
     """
-    leg = LEGS[five_level]
+    leg = LEGS[tabled_leg]
     return leg.gates[position % leg.positions]
 
 
-def commutation(five_level: bool | str, origin: int, goal: int) -> list[int]:
+def commutation(tabled_leg: bool | str, origin: int, goal: int) -> list[int]:
     """Single-gate actions from one position to the next (order: docs/gate-guard.md).
 
     Parameters
     ----------
-    five_level : bool or str
+    tabled_leg : bool or str
         Key of `LEGS`.
     origin, goal : int
         Positions, 0..7 (two-level: 0, 1).
@@ -75,16 +75,16 @@ def commutation(five_level: bool | str, origin: int, goal: int) -> list[int]:
     list of int
         n: gate n on, -n: gate n off, in their order.
     """
-    leg = LEGS[five_level]
+    leg = LEGS[tabled_leg]
     return list(leg.commutation(origin % leg.positions, goal % leg.positions))
 
 
-def started(five_level: bool | str, position: int) -> tuple[frozenset[int], ...]:
+def started(tabled_leg: bool | str, position: int) -> tuple[frozenset[int], ...]:
     """Gates that are on after each step of a start.
 
     Parameters
     ----------
-    five_level : bool or str
+    tabled_leg : bool or str
         Key of `LEGS`.
     position : int
         0..7 (two-level: 0, 1).
@@ -94,16 +94,16 @@ def started(five_level: bool | str, position: int) -> tuple[frozenset[int], ...]
     tuple of frozenset of int
         The last ones are the position's.
     """
-    leg = LEGS[five_level]
+    leg = LEGS[tabled_leg]
     return leg.start_steps(position % leg.positions)
 
 
-def stop_clocks(five_level: bool | str, dead_time: int) -> int:
+def stop_clocks(tabled_leg: bool | str, dead_time: int) -> int:
     """Longest time from a cause at the ports to all gates off, in clocks.
 
     Parameters
     ----------
-    five_level : bool or str
+    tabled_leg : bool or str
         Key of `LEGS`.
     dead_time : int
         Dead time in force, clocks.
@@ -113,7 +113,7 @@ def stop_clocks(five_level: bool | str, dead_time: int) -> int:
     int
         Of a cause that takes one clock. A measurement takes three more.
     """
-    return 1 + (LEGS[five_level].stop_steps - 1) * dead_time
+    return 1 + (LEGS[tabled_leg].stop_steps - 1) * dead_time
 
 
 @dataclass
@@ -122,7 +122,7 @@ class Leg:
 
     Attributes
     ----------
-    five_level : bool or str
+    tabled_leg : bool or str
         Key of `LEGS`.
     goal, settled : int
         Position decided last, and the one that the last move begun leads to.
@@ -140,7 +140,7 @@ class Leg:
         Clock in which gates changed last.
     """
 
-    five_level: bool | str
+    tabled_leg: bool | str
     goal: int = 0
     settled: int = 0
     on: set[int] = field(default_factory=set)
@@ -161,7 +161,7 @@ class Leg:
             Dead time, clocks, at least 1.
         """
         self.alive, self.starts_at, self.plan = False, None, []
-        leg = LEGS[self.five_level]
+        leg = LEGS[self.tabled_leg]
         if self.on and (self.on & leg.stop_first or now >= self.changed_at + dead):
             self.on, self.changed_at = set(leg.stop_step(frozenset(self.on))), now
 
@@ -182,9 +182,9 @@ class Leg:
         bool
             Always true of a two-level leg.
         """
-        if not self.alive or not self.five_level:
+        if not self.alive or not self.tabled_leg:
             return True
-        return wanted in LEGS[self.five_level].next_positions[self.goal]
+        return wanted in LEGS[self.tabled_leg].next_positions[self.goal]
 
     def blocked(self, wanted: int) -> bool:
         """Whether a position moves a leg whose last move has not begun.
@@ -239,13 +239,13 @@ class Leg:
         if self.starts_at == now:
             self.settled, self.starts_at = self.goal, None
             before: frozenset[int] = frozenset()
-            for step, after in enumerate(started(self.five_level, self.goal)):
+            for step, after in enumerate(started(self.tabled_leg, self.goal)):
                 off, on = sorted(before - after), sorted(after - before)
                 self.ready_at, before = now + step * dead, after
                 self.plan += [(self.ready_at, action) for action in [*(-n for n in off), *on]]
             self.ready_at += rest
         if self.alive and not self.plan and self.goal != self.settled and now >= self.ready_at:
-            steps = commutation(self.five_level, self.settled, self.goal)
+            steps = commutation(self.tabled_leg, self.settled, self.goal)
             self.plan = [(now + i * dead, action) for i, action in enumerate(steps)]
             self.settled = self.goal
             self.ready_at = self.plan[-1][0] + rest
@@ -309,7 +309,7 @@ class Inputs:
     v_n, omega_r : int
         Neutral point and speed, LSB of their ports, signed.
     v_ph_a, v_ph_b, v_ph_c : int
-        Phase capacitors, LSB of their ports, unsigned; ANPC alone, as v_n.
+        Phase capacitors, LSB of their ports, unsigned; of a converter that has them, as v_n.
     v_ph_high, v_ph_low, v_n_limit, speed_limit : int
         Limits in the same units, unsigned.
     frozen_limit : int
@@ -394,7 +394,7 @@ def _beyond(value: int, limit: int) -> bool:
     return abs(value) > limit or limit >= HIGHEST_CURRENT
 
 
-def measurement_of(i: Inputs, counts: bool, five_level: bool | str = False) -> Measurement | None:
+def measurement_of(i: Inputs, counts: bool, tabled_leg: bool | str = False) -> Measurement | None:
     """What begins its way in one clock.
 
     Parameters
@@ -403,7 +403,7 @@ def measurement_of(i: Inputs, counts: bool, five_level: bool | str = False) -> M
         Of this clock.
     counts : bool
         Whether it may let the gates come on.
-    five_level : bool or str
+    tabled_leg : bool or str
         Key of `LEGS`.
 
     Returns
@@ -419,7 +419,7 @@ def measurement_of(i: Inputs, counts: bool, five_level: bool | str = False) -> M
     capacitors = (i.v_ph_a, i.v_ph_b, i.v_ph_c)
     high = i.v_ph_high
     outside = max(capacitors) > high or min(capacitors) < i.v_ph_low or high == HIGHEST_VOLTAGE
-    leg = LEGS[five_level]
+    leg = LEGS[tabled_leg]
     if leg.capacitor_nodes and outside:
         found.add("capacitor")
     if leg.neutral_node and _beyond(i.v_n, i.v_n_limit):
@@ -434,17 +434,17 @@ class GateGuard:
 
     Parameters
     ----------
-    five_level : bool or str
+    tabled_leg : bool or str
         Key of `LEGS`.
     least_dead_time : int
         Clocks.
     """
 
-    def __init__(self, five_level: bool | str, least_dead_time: int) -> None:
-        self.five_level = five_level
+    def __init__(self, tabled_leg: bool | str, least_dead_time: int) -> None:
+        self.tabled_leg = tabled_leg
         self.least = least_dead_time
         self.now = 0
-        self.legs = [Leg(five_level) for _ in range(3)]
+        self.legs = [Leg(tabled_leg) for _ in range(3)]
         self.state = "off"
         self.primed = False
         self.faults: set[str] = set()
@@ -471,7 +471,7 @@ class GateGuard:
             would.
         """
         self.now += 1
-        codes = LEGS[self.five_level].position_of_code if self.five_level else (0, 1) * 4
+        codes = LEGS[self.tabled_leg].position_of_code if self.tabled_leg else (0, 1) * 4
         now, goals = self.now, [codes[p] for p in (i.position_a, i.position_b, i.position_c)]
         wanted = bool(i.enable and self.primed and not self.faults and not i.rst)
         causes: set[str] = set()
@@ -559,7 +559,7 @@ class GateGuard:
         if i.measured:
             self.same = (i.is_alpha, i.is_beta) == self.last
             self.last = i.is_alpha, i.is_beta
-        self.line = [measurement_of(i, counts, self.five_level), *self.line[:2]]
+        self.line = [measurement_of(i, counts, self.tabled_leg), *self.line[:2]]
         if i.rst:
             self.compared, self.line = False, [None, None, None]
             self.last, self.repeated = (0, 0), 0
@@ -575,7 +575,7 @@ class GateGuard:
         int
             8 bits a leg (two-level: 2), phase a lowest; bit n - 1 of a leg is gate n.
         """
-        size = len(LEGS[self.five_level].switches)
+        size = len(LEGS[self.tabled_leg].switches)
         return sum(1 << (x * size + gate - 1) for x, leg in enumerate(self.legs) for gate in leg.on)
 
     @property

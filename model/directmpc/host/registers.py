@@ -58,7 +58,7 @@ GUARD_TIMES = tuple(
     for name in ("dead_time", "minimum_on", "minimum_off", "decision_limit", "watchdog")
 )
 
-#: Dead times in the longest transition of a leg: six gates of five-level ones, docs/gate-guard.md.
+#: Dead times in the longest transition of a leg: six gates, docs/gate-guard.md.
 DEAD_TIMES = {"mpdcc": 5, "mptc": 1}
 
 #: Methods with a choice of the duty rule.

@@ -74,7 +74,7 @@ class Tables(NamedTuple):
     weight: IntArray
 
 
-def _anpc_tables() -> Tables:
+def _tables() -> Tables:
     table = converter_of(tables.leg_of(tables.DEFAULT), 1.0, 1.0)
     whole = [
         # v_ph counts as its reference of a quarter of v_dc here
@@ -85,7 +85,7 @@ def _anpc_tables() -> Tables:
     return Tables(*(np.rint(values).astype(np.int64) for values in whole))
 
 
-ANPC = _anpc_tables()
+TABLES = _tables()
 
 
 class Parameters(NamedTuple):
@@ -125,7 +125,7 @@ def parameters_of(drive: KbestDrive) -> Parameters:
         If a word cannot hold its value; the message names the drive file's key.
     """
     found = registers(drive)
-    return Parameters(found.array(), ANPC, np.full(found.stages + 1, KEEP, dtype=np.int64))
+    return Parameters(found.array(), TABLES, np.full(found.stages + 1, KEEP, dtype=np.int64))
 
 
 @njit

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from directmpc.drive_tables import Section, integer, number, refused
-from directmpc.mpdcc.drive import SAMPLING_INTERVAL, FiveLevelDrive
+from directmpc.mpdcc.drive import SAMPLING_INTERVAL, PerUnitDrive
 
 
 class KbestControl(Section):
@@ -44,7 +44,7 @@ class KbestControl(Section):
     capacitor_filter: integer(0, 7) = 0
 
 
-class KbestDrive(FiveLevelDrive):
+class KbestDrive(PerUnitDrive):
     """A K-best drive as its file describes it, per unit."""
 
     controller: Literal["kbest"]

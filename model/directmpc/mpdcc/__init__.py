@@ -1,1 +1,1 @@
-"""Five-level ANPC drive: model predictive direct current control (Paper A), models and plant."""
+"""Multilevel drive: model predictive direct current control (Paper A), models and plant."""

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from directmpc.compiled import njit
 from directmpc.fixed_point import encode_row, limits, rounded, saturate
 from directmpc.mpdcc import tables
-from directmpc.mpdcc.drive import FiveLevelDrive
+from directmpc.mpdcc.drive import PerUnitDrive
 from directmpc.mpdcc.formats import CAPACITOR_VOLTAGE, CURRENT, MEASUREMENTS, NEUTRAL_VOLTAGE
 from directmpc.mpdcc.trace import IntArray
 
@@ -67,13 +67,13 @@ STATE_WORDS = 10
 
 
 def coefficients(
-    drive: FiveLevelDrive, q_midpoint: int | None = None, q_phase: int | None = None
+    drive: PerUnitDrive, q_midpoint: int | None = None, q_phase: int | None = None
 ) -> dict[str, int]:
     """Coefficients and gains of the filters for a drive.
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Capacitors and control period, and q unless it is given.
     q_midpoint, q_phase : int, optional
         Of v_n and of v_ph, 0 to 7; the drive's `capacitor_filter` if not given.
@@ -230,7 +230,7 @@ class CapacitorFilter:
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Capacitors, control period and gain.
 
     Attributes
@@ -247,7 +247,7 @@ class CapacitorFilter:
         Of the converter in ``tables``.
     """
 
-    def __init__(self, drive: FiveLevelDrive) -> None:
+    def __init__(self, drive: PerUnitDrive) -> None:
         self.active = drive.control.capacitor_filter > 0
         self.delayed = int(drive.control.delay_compensation)
         self.coefficient = array(coefficients(drive))
@@ -316,7 +316,7 @@ class IdealState(NamedTuple):
 
 
 def step_ideal(
-    drive: FiveLevelDrive,
+    drive: PerUnitDrive,
     q_midpoint: int,
     q_phase: int,
     state: IdealState | None,
@@ -327,7 +327,7 @@ def step_ideal(
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Capacitors and control period.
     q_midpoint, q_phase : int
         Exponents of the gains.

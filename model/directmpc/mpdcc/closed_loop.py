@@ -22,7 +22,7 @@ from directmpc.loads.load import FloatArray, Load, SteadyState
 from directmpc.mpdcc import ideal, leakage, tables
 from directmpc.mpdcc import observer as rotor_flux
 from directmpc.mpdcc.capacitor_observer import CapacitorFilter, step_row
-from directmpc.mpdcc.drive import FiveLevelDrive
+from directmpc.mpdcc.drive import PerUnitDrive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measure, sensors, split, switched_step
 from directmpc.mpdcc.plant import STATES, PlantData, plant_data, plant_step
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
@@ -105,13 +105,13 @@ class Profile:
 
 
 def constant_profile(
-    drive: FiveLevelDrive, point: OperatingPoint, steps: int, phase: float = 0.0
+    drive: PerUnitDrive, point: OperatingPoint, steps: int, phase: float = 0.0
 ) -> Profile:
     """Hold one operating point.
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Its machine tells speeds and currents; its v_dc is constant.
     point : OperatingPoint
         Per unit.
@@ -134,7 +134,7 @@ def constant_profile(
 
 
 def ramp_profile(
-    drive: FiveLevelDrive,
+    drive: PerUnitDrive,
     start: OperatingPoint,
     stop: OperatingPoint,
     steps: int,
@@ -146,7 +146,7 @@ def ramp_profile(
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Its machine tells speeds and currents of the points; its v_dc is constant.
     start, stop : OperatingPoint
         Before `begin` and from `end` on; in between both speeds and the current (in the frame of
@@ -493,7 +493,7 @@ def _as_given(theta, given, values):
 
 
 def _estimators(
-    drive: FiveLevelDrive,
+    drive: PerUnitDrive,
     state: FloatArray,
     steps: int,
     parameters: Any,
@@ -590,17 +590,17 @@ def initial_conditions(
     return state, nearest_positions(leg, start.v_s * turn, float(profile.vdc[0]))
 
 
-def _per_unit(drive: FiveLevelDrive, errors: DriveErrors) -> float:
+def _per_unit(drive: PerUnitDrive, errors: DriveErrors) -> float:
     """The dead time, per unit."""
     return errors.dead_time * drive.ts_pu / drive.control.ts
 
 
-def rippled(drive: FiveLevelDrive, profile: Profile, errors: DriveErrors) -> FloatArray:
+def rippled(drive: PerUnitDrive, profile: Profile, errors: DriveErrors) -> FloatArray:
     """The dc-link voltage of a profile with its ripple.
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Its control period counts.
     profile : Profile
         n steps.
@@ -619,7 +619,7 @@ def rippled(drive: FiveLevelDrive, profile: Profile, errors: DriveErrors) -> Flo
 
 
 def simulate(
-    drive: FiveLevelDrive,
+    drive: PerUnitDrive,
     decide: Any,
     parameters: Any,
     point: OperatingPoint | Profile,
@@ -628,7 +628,7 @@ def simulate(
     settle: int = 0,
     seed: int = 0,
     disturbance: float = 0.01,
-    plant_drive: FiveLevelDrive | None = None,
+    plant_drive: PerUnitDrive | None = None,
     shadow: Any = None,
     shadow_parameters: Any = None,
     delay: bool = False,
@@ -644,7 +644,7 @@ def simulate(
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         What the controller is set up for; also what references and speeds are computed from.
     decide, parameters : compiled function and record
         Compiled controller with the arguments and results of `ideal.decide`, and its first one.
@@ -659,7 +659,7 @@ def simulate(
     disturbance : float
         Standard deviation of what is added to the steady state's currents and capacitor voltages
         at the start, per unit.
-    plant_drive : FiveLevelDrive, optional
+    plant_drive : PerUnitDrive, optional
         Machine and inverter of the plant if they differ from the controller's; ts is the drive's.
     shadow, shadow_parameters : compiled function and record, optional
         Second controller that decides on the same inputs without effect.
@@ -725,7 +725,7 @@ def simulate(
 
 
 def _run(
-    drive: FiveLevelDrive,
+    drive: PerUnitDrive,
     profile: Profile,
     settle: int,
     total: int,
@@ -734,7 +734,7 @@ def _run(
     applied: IntArray,
     estimators: Estimators,
     errors: DriveErrors,
-    real: FiveLevelDrive,
+    real: PerUnitDrive,
     filters: CapacitorFilter,
     timing: Timing,
     shadow: bool,
@@ -801,13 +801,13 @@ class _OuterLoop(Protocol):
 
 
 def drive_controller(
-    drive: FiveLevelDrive,
+    drive: PerUnitDrive,
     controller: Controller,
     profile: Profile,
     steps: int,
     *,
     settle: int = 0,
-    plant_drive: FiveLevelDrive | None = None,
+    plant_drive: PerUnitDrive | None = None,
     delay: bool = False,
     checked: bool = True,
     filtered: bool = True,
@@ -820,7 +820,7 @@ def drive_controller(
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         What references and speeds are computed from.
     controller : Controller
         Asked once per step, with an `MpdccState`.
@@ -828,7 +828,7 @@ def drive_controller(
         At least ``settle + steps`` steps.
     steps, settle : int
         Control steps to record, and to run before those.
-    plant_drive : FiveLevelDrive, optional
+    plant_drive : PerUnitDrive, optional
         Machine and inverter of the plant if they are not the drive's; ts is the drive's.
     delay : bool
         Whether a decision takes effect one step after the state it is based on.

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.compiled import njit
-from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import inverter
 
 ROOT = 46
 """Clocks of a search of one explorer but for one for each candidate."""
@@ -127,8 +127,8 @@ def worst(explorers: int) -> tuple[int, NDArray[np.int64]]:
         The first s(k-1) of this number, 0..7.
     """
     most, where = 0, np.zeros(3, np.int64)
-    for s in itertools.product(range(anpc.POSITIONS), repeat=3):
-        found = search(explorers, len(anpc.candidates(s)), nodes_below(s))
+    for s in itertools.product(range(inverter.POSITIONS), repeat=3):
+        found = search(explorers, len(inverter.candidates(s)), nodes_below(s))
         if found > most:
             most, where = found, np.array(s)
     return most, where
@@ -265,8 +265,8 @@ def bounds(explorers: int, largest: int) -> NDArray[np.int64]:
 def _roots() -> frozenset[tuple[int, tuple[Counts, ...]]]:
     """Candidates of the first level and nodes below them, of every s(k-1); equal ones once."""
     return frozenset(
-        (len(anpc.candidates(s)), tuple(nodes_below(s)))
-        for s in itertools.product(range(anpc.POSITIONS), repeat=3)
+        (len(inverter.candidates(s)), tuple(nodes_below(s)))
+        for s in itertools.product(range(inverter.POSITIONS), repeat=3)
     )
 
 
@@ -322,12 +322,12 @@ def nodes_below(s: tuple[int, ...]) -> list[Counts]:
     ValueError
         If there are not three positions, or one is outside 0..7.
     """
-    weight = anpc.TRANSITION_WEIGHT[0]
+    weight = inverter.TRANSITION_WEIGHT[0]
     found = [
         (sum(int(weight[p, q]) for p, q in zip(s, candidate, strict=True)), candidate)
-        for candidate in anpc.candidates(s)
+        for candidate in inverter.candidates(s)
         if candidate != tuple(s)
     ]
     found.reverse()  # sorting keeps the order among equals
     found.sort(key=lambda pair: pair[0])
-    return [tuple(int(anpc.NEXT_COUNT[p]) for p in candidate) for _, candidate in found]
+    return [tuple(int(inverter.NEXT_COUNT[p]) for p in candidate) for _, candidate in found]

@@ -117,8 +117,8 @@ PAPERS_RULES: dict[str, Any] = {"deadlock_rule": "largest", "outside_rule": "dea
 """Rules of `control` as Paper A has them: eq. 15, and length 0 for what is outside its bound."""
 
 
-class FiveLevelDrive(AnyDrive):
-    """What the drives of all controllers of the five-level inverter have, per unit."""
+class PerUnitDrive(AnyDrive):
+    """What the drives of MPDCC and K-best have, per unit."""
 
     base: Base
     machine: one_of(KINDS)
@@ -276,12 +276,12 @@ class FiveLevelDrive(AnyDrive):
         return [said for said in self.guard.missing() if not said.startswith(tuple(absent))]
 
 
-def only_default(drive: FiveLevelDrive) -> None:
+def only_default(drive: PerUnitDrive) -> None:
     """Refuse a drive whose converter is not the usual one, for what is built for that one alone.
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Validated drive file.
 
     Raises
@@ -296,7 +296,7 @@ def only_default(drive: FiveLevelDrive) -> None:
         )
 
 
-class Drive(FiveLevelDrive):
+class Drive(PerUnitDrive):
     """An MPDCC drive as its file describes it, per unit."""
 
     controller: Literal["mpdcc"]

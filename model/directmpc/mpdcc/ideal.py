@@ -17,7 +17,7 @@ import numpy as np
 
 from directmpc.compiled import njit
 from directmpc.loads.load import FloatArray, Matrices, discretise
-from directmpc.mpdcc.drive import Drive, FiveLevelDrive
+from directmpc.mpdcc.drive import Drive, PerUnitDrive
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 
 SQRT3_2 = math.sqrt(3.0) / 2.0
@@ -83,12 +83,12 @@ def ideal_parameters(drive: Drive) -> IdealParameters:
     )
 
 
-def predictor_parameters(drive: FiveLevelDrive) -> IdealParameters:
+def predictor_parameters(drive: PerUnitDrive) -> IdealParameters:
     """Collect what `advance` needs of a drive of any controller.
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Validated drive.
 
     Returns

@@ -1,4 +1,4 @@
-"""The five-level ANPC converter of ``converters/anpc5l.toml`` as tables of this module.
+"""The default converter of ``converters/`` as tables of this module.
 
 Position, coefficients and equations are those of `directmpc.converter`. The form of the model is
 Paper A, eq. (2), and the rule "one phase level up or down" its Section III-B. The switch graph and
@@ -12,12 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc import converter
 from directmpc.converter import INADMISSIBLE, MAX_NEXT, IntArray
+from directmpc.mpdcc import tables
 
 __all__ = ["INADMISSIBLE", "MAX_NEXT"]
 
-LEG = converter.load("anpc5l")
+LEG = tables.leg_of(tables.DEFAULT)
 """The converter; the tables below are its."""
 
 POSITIONS = LEG.positions
@@ -50,15 +50,6 @@ NEXT_COUNT: IntArray = LEG.next_count
 NEXT_TABLE: IntArray = LEG.next_table
 """NEXT_POSITIONS as a rectangular table for compiled code; rows padded with their last entry."""
 
-COMMUTATIONS_ANPC: IntArray = LEG.turn_ons("anpc")
-"""Turn-ons of logical ANPC devices S1..S4 on a transition [from][to].
-
-Each logical ANPC device is two devices in series, so the physical count is twice this.
-"""
-
-COMMUTATIONS_FC: IntArray = LEG.turn_ons("cell")
-"""Turn-ons of flying-capacitor devices S5..S8 on a transition [from][to]."""
-
 TRANSITION_WEIGHT: IntArray = LEG.transition_weight
 """Weight of a transition in f_s: [phase current negative][from][to].
 
@@ -67,10 +58,10 @@ how, hence the first index; both halves are the same.
 """
 
 LOGICAL_DEVICES = LEG.logical_devices
-"""Logical devices of three legs: 12 ANPC, 12 flying-capacitor."""
+"""Logical devices of three legs."""
 
 PHYSICAL_DEVICES = LEG.physical_devices
-"""Physical devices of three legs: every ANPC device is two in series."""
+"""Physical devices of three legs: those in series counted each."""
 
 candidates = LEG.candidates
 """`directmpc.converter.Converter.candidates` of this one."""

@@ -35,7 +35,7 @@ from directmpc.fixed_point import encode_row, limits, rounded
 from directmpc.loads.load import Load
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX
-from directmpc.mpdcc.drive import FiveLevelDrive
+from directmpc.mpdcc.drive import PerUnitDrive
 from directmpc.mpdcc.observer import VOLTAGE_SCALE, voltages
 from directmpc.mpdcc.trace import IntArray
 
@@ -63,12 +63,12 @@ _PLACES = np.array([INDEX[name] for name in CURRENT_SLOPES], dtype=np.int64)
 _SLOPE_WIDTH = f.COEFFICIENT_WIDTH
 
 
-def coefficients(drive: FiveLevelDrive) -> tuple[dict[str, int], list[str]]:
+def coefficients(drive: PerUnitDrive) -> tuple[dict[str, int], list[str]]:
     """Coefficients of the estimate for a drive.
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Machine and control period that the controller is set up for.
 
     Returns
@@ -278,7 +278,7 @@ class LeakageEstimate:
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Machine and control period.
 
     Attributes
@@ -289,7 +289,7 @@ class LeakageEstimate:
         As of ``step_words``.
     """
 
-    def __init__(self, drive: FiveLevelDrive) -> None:
+    def __init__(self, drive: PerUnitDrive) -> None:
         self.coefficient = array(coefficients(drive)[0])
         self.state = first()
 

@@ -12,7 +12,7 @@ from directmpc.distortion import thd
 from directmpc.loads.load import CLARKE_INVERSE, FloatArray
 from directmpc.mpdcc import tables
 from directmpc.mpdcc.closed_loop import ClosedLoopResult
-from directmpc.mpdcc.drive import FiveLevelDrive
+from directmpc.mpdcc.drive import PerUnitDrive
 from directmpc.mpdcc.trace import IntArray
 
 
@@ -23,9 +23,9 @@ class SwitchingFrequency:
     Attributes
     ----------
     per_device
-        Over the switches of three legs: 24 of a five-level ANPC converter.
+        Over the switches of three legs.
     per_physical_device
-        Over their devices, those in series counted each: 36 of that converter.
+        Over their devices, those in series counted each.
     by_group
         Over the switches of each group that the converter's file has, by its name.
     """
@@ -152,12 +152,12 @@ def bound_violations(result: ClosedLoopResult, bounds: FloatArray) -> FloatArray
     return np.maximum(deviations(result).max(axis=0) - bounds, 0.0)
 
 
-def summarise(drive: FiveLevelDrive, result: ClosedLoopResult) -> Summary:
+def summarise(drive: PerUnitDrive, result: ClosedLoopResult) -> Summary:
     """Collect the figures of merit of a run at constant omega_s.
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Control period and bounds.
     result : ClosedLoopResult
         n recorded steps at one stator frequency.

@@ -33,7 +33,7 @@ from directmpc.fixed_point import encode_row, limits, rounded
 from directmpc.loads.induction import InductionMachine
 from directmpc.loads.load import Load
 from directmpc.mpdcc import tables
-from directmpc.mpdcc.drive import FiveLevelDrive
+from directmpc.mpdcc.drive import PerUnitDrive
 from directmpc.mpdcc.formats import (
     CAPACITOR_VOLTAGE,
     CURRENT,
@@ -77,13 +77,13 @@ ANGLE_SHIFT = 17
 
 
 def coefficients(
-    drive: FiveLevelDrive, crossover: float = CROSSOVER
+    drive: PerUnitDrive, crossover: float = CROSSOVER
 ) -> tuple[dict[str, int], list[str]]:
     """Coefficients of the flux for a drive.
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Load and control period the observer is set up for. It serves induction machines alone:
         with any other load all words are 0.
     crossover : float
@@ -312,7 +312,7 @@ class FluxObserver:
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Machine and control period that it is set up for.
     current, flux : complex
         Stator current and rotor flux that it begins with, per unit.
@@ -325,7 +325,7 @@ class FluxObserver:
         Of the converter in ``tables``.
     """
 
-    def __init__(self, drive: FiveLevelDrive, current: complex, flux: complex) -> None:
+    def __init__(self, drive: PerUnitDrive, current: complex, flux: complex) -> None:
         words, _ = coefficients(drive)
         self.coefficient = array(words)
         self.state = state_of(drive.machine, current, flux)

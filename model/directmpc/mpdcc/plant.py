@@ -24,7 +24,7 @@ from directmpc.compiled import njit
 from directmpc.converter import MAX_POSITIONS, Converter
 from directmpc.loads.load import CLARKE, CLARKE_INVERSE, FloatArray, Load
 from directmpc.mpdcc import tables
-from directmpc.mpdcc.drive import FiveLevelDrive
+from directmpc.mpdcc.drive import PerUnitDrive
 
 STATES = 8
 POSITIONS_ABC = MAX_POSITIONS**3
@@ -230,7 +230,7 @@ class Plant:
 
     Parameters
     ----------
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Whose machine and inverter to copy; the drive itself is not kept.
     omega_r : float
         Rotor speed, per unit; may be changed between steps.
@@ -251,7 +251,7 @@ class Plant:
 
     def __init__(
         self,
-        drive: FiveLevelDrive,
+        drive: PerUnitDrive,
         omega_r: float = 0.0,
         vdc: float | None = None,
         state: Sequence[float] | FloatArray | None = None,

@@ -11,10 +11,10 @@ import numpy as np
 from directmpc import converter
 from directmpc.converter import MAX_POSITIONS, Converter, IntArray
 
-DEFAULT = "anpc5l"
+DEFAULT = next(name for name in converter.names() if converter.load(name).is_default)
 """Converter of a drive file that names none."""
 
-NAMES: tuple[str, ...] = (DEFAULT, *(name for name in converter.shipped() if name != DEFAULT))
+NAMES: tuple[str, ...] = (DEFAULT, *(name for name in converter.names() if name != DEFAULT))
 """Converters in the order of their rows."""
 
 _ALL = tuple(converter.load(name) for name in NAMES)
@@ -78,6 +78,9 @@ NEUTRAL_CURRENT = _column("neutral_current")
 
 CAPACITOR_CURRENT = _column("capacitor_current")
 """c(s): sign with which the phase current charges the phase capacitor."""
+
+HALF_CAPACITOR = _column("half_capacitor")
+"""1 where the reference of v_ph is v_dc/2, 0 where it is v_dc/4 or there is none."""
 
 NEXT_COUNT = _column("next_count")
 """How many positions may follow."""

@@ -21,7 +21,7 @@ from directmpc.csv_table import (
     read_table,
     write_table,
 )
-from directmpc.mpdcc.drive import FiveLevelDrive
+from directmpc.mpdcc.drive import PerUnitDrive
 
 __all__ = [
     "Decisions",
@@ -171,14 +171,14 @@ class Decisions:
         )
 
 
-def read_trace(path: PathLike, drive: FiveLevelDrive) -> MpdccTrace:
+def read_trace(path: PathLike, drive: PerUnitDrive) -> MpdccTrace:
     """Read an MPDCC trace.
 
     Parameters
     ----------
     path : str or path
         CSV file with the columns of `docs/specification.md` in any order; v_dc is optional.
-    drive : FiveLevelDrive
+    drive : PerUnitDrive
         Supplies v_dc where the file has no such column.
 
     Returns

@@ -20,6 +20,7 @@ from directmpc.drive_tables import (
     refused,
     to_start,
 )
+from directmpc.mptc.inverter import HALF_BRIDGES
 
 DutyRule = Literal["deadbeat", "mean", "best"]
 Method = Literal["MPTC", "MPFC", "MPTC1", "MPTC2", "GTV", "MPFC2", "MPFC3", "MPC2", "SVM"]
@@ -72,9 +73,9 @@ class MptcMechanics(Section):
 
 
 class MptcInverter(Section):
-    """Two-level inverter, SI."""
+    """Inverter of three half bridges, SI."""
 
-    topology: Literal["two_level"]
+    topology: Literal[HALF_BRIDGES]  # type: ignore[valid-type]
     vdc: number(1.0, 1e5, "V")
 
 

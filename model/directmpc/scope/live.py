@@ -335,7 +335,7 @@ class Live(threading.Thread):
             self._committed = None
         try:
             self._board.stop()
-            for _ in range(_LOOKS):  # an ANPC leg goes off in steps
+            for _ in range(_LOOKS):  # a leg may go off in steps
                 if not (found := self._board.read("system.gates")["gates"]):
                     break
             self._gates = found

@@ -22,7 +22,7 @@ from directmpc.speed_control import speed_pi
 from directmpc.states import Decision, MpdccState, MptcState, State
 
 INERTIA = 0.05
-"""Inertia constant of a five-level drive, s: at rated torque it is at rated speed after 0.1 s."""
+"""Inertia constant of a drive per unit, s: at rated torque it is at rated speed after 0.1 s."""
 
 RISE = 0.2
 """Time in which half of a two-level drive's largest torque brings it to its largest speed, s."""
@@ -109,7 +109,7 @@ def parameters_of(drive: Drive | KbestDrive | MptcDrive) -> list[Setting]:
 
 
 class FiveLevelRig:
-    """An exact five-level plant with a speed controller, or with a turning current reference.
+    """An exact plant per unit with a speed controller, or with a turning current reference.
 
     Parameters
     ----------

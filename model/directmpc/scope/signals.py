@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from directmpc.host.gate_guard import FAULTS
 from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import ideal
-from directmpc.mpdcc.drive import Drive, FiveLevelDrive
+from directmpc.mpdcc.drive import Drive, PerUnitDrive
 from directmpc.mptc import ideal as mptc_ideal
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import STATES
@@ -92,7 +92,7 @@ class Signals:
 
     def __init__(self, drive: AnyDrive) -> None:
         self.drive = drive
-        self.five = isinstance(drive, FiveLevelDrive)
+        self.five = isinstance(drive, PerUnitDrive)
         decided = (*FIVE_DECISION, *FIVE_BOUNDS) if self.five else TWO_DECISION
         estimates = bool(getattr(drive.control, "leakage_estimate", False))
         decided += ("leakage",) if estimates else ()

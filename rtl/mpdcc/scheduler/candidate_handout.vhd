@@ -15,7 +15,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
-  use work.anpc5l_leg.all;
+  use work.converter_leg.all;
   use work.directmpc_math.all;
   use work.mpdcc_types.all;
 

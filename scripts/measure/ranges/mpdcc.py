@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.mpdcc import formats as f
-from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import inverter
 from directmpc.mpdcc import program as programs
 from scripts.measure.ranges.intervals import (
     Interval,
@@ -99,11 +99,11 @@ def node_words(t: Mapping[str, Interval], bend: Interval) -> None:
     # voltages of one phase: one bit above FORCED_WIDTH; 2*u_x - u_y - u_z: three
     voltage = hull(
         plus(
-            scaled(t["forced_link"], int(anpc.HALF_DC[p])),
-            scaled(t["forced_neutral"], int(anpc.NEUTRAL[p])),
-            scaled(hull([t[f"forced_{x}"] for x in "abc"]), int(anpc.CAPACITOR[p])),
+            scaled(t["forced_link"], int(inverter.HALF_DC[p])),
+            scaled(t["forced_neutral"], int(inverter.NEUTRAL[p])),
+            scaled(hull([t[f"forced_{x}"] for x in "abc"]), int(inverter.CAPACITOR[p])),
         )
-        for p in range(anpc.POSITIONS)
+        for p in range(inverter.POSITIONS)
     )
     demand("voltage of a phase", voltage, f.FORCED_WIDTH + 1)
     demand("voltage of two phases", plus(voltage, scaled(voltage, -1)), f.FORCED_WIDTH + 2)
@@ -137,7 +137,7 @@ def costs() -> None:
     for variant in programs.PROGRAMS:
         t, _ = result_ranges(variant)
         cost_words(t, f.EFFORT_WIDTH)
-    effort = (0, 3 * int(anpc.TRANSITION_WEIGHT.max()))
+    effort = (0, 3 * int(inverter.TRANSITION_WEIGHT.max()))
     demand("effort", effort, f.EFFORT_WIDTH, signed=False)
     demand("effort of two", scaled(effort, 2), f.TOTAL_EFFORT_WIDTH, signed=False)
 

@@ -12,8 +12,7 @@ from collections.abc import Iterable
 from directmpc.mac_program import Program
 from directmpc.mpdcc import capacitor_observer as filters
 from directmpc.mpdcc import formats as f
-from directmpc.mpdcc import inverter as anpc
-from directmpc.mpdcc import leakage, observer, state_program
+from directmpc.mpdcc import inverter, leakage, observer, state_program
 from directmpc.mptc import formats as g
 from directmpc.mptc import observer as stator
 from directmpc.mptc import observer_program, speed_observer, speed_observer_program
@@ -110,10 +109,10 @@ def voltages() -> None:
     v_ph = scaled(word_range(f.CAPACITOR_VOLTAGE.width, signed=False), 2)
     v_dc = scaled(word_range(f.LINK_VOLTAGE.width, signed=False), 2)
     phase = (0, 0)
-    for p in range(anpc.POSITIONS):
-        middle = plus(scaled(v_dc, int(anpc.HALF_DC[p])), scaled(v_n, int(anpc.NEUTRAL[p])))
+    for p in range(inverter.POSITIONS):
+        middle = plus(scaled(v_dc, int(inverter.HALF_DC[p])), scaled(v_n, int(inverter.NEUTRAL[p])))
         demand(f"position {p} without its capacitor", middle, width)
-        value = plus(middle, scaled(v_ph, int(anpc.CAPACITOR[p])))
+        value = plus(middle, scaled(v_ph, int(inverter.CAPACITOR[p])))
         demand(f"voltage of position {p}", value, width)
         phase = hull([phase, value])
     # in quarters of what the sums are cut to
@@ -164,7 +163,7 @@ def states() -> None:
 # --- the two-level observers ----------------------------------------------------------------------
 
 
-def _two_level(program: Program, balanced: bool) -> None:
+def _induction(program: Program, balanced: bool) -> None:
     """Sums, halves and ports of an observer of a two-level drive."""
     word, state = word_range(g.WORD_WIDTH), word_range(stator.STATE_WIDTH)
     below = g.PRODUCT_FRACTION - g.FRACTION
@@ -200,13 +199,13 @@ def _two_level(program: Program, balanced: bool) -> None:
 
 def stator_flux() -> None:
     """``mptc_observer``, its share of a vector included."""
-    _two_level(observer_program.PROGRAM, balanced=False)
+    _induction(observer_program.PROGRAM, balanced=False)
     _shares(1, "vector")
 
 
 def speed() -> None:
     """``mptc_speed_observer`` and the mean share of its sequence, whose times make one period."""
-    _two_level(speed_observer_program.PROGRAM, balanced=True)
+    _induction(speed_observer_program.PROGRAM, balanced=True)
     _shares(1 << g.TIME_WIDTH, "sequence")
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.mpdcc import formats as f
-from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import inverter
 from directmpc.mpdcc import program as programs
 from scripts.measure.ranges.intervals import (
     Interval,
@@ -302,12 +302,12 @@ def leaves() -> None:
     for t in nodes():
         node_words(t, word_range(f.CURVATURE_WIDTH))
         cost_words(t, f.TOTAL_EFFORT_WIDTH)
-    effort = 3 * int(anpc.TRANSITION_WEIGHT.max())
+    effort = 3 * int(inverter.TRANSITION_WEIGHT.max())
     demand("effort of a leaf", (0, 2 * effort), f.TOTAL_EFFORT_WIDTH, signed=False)
     longest = 2**f.LENGTH_WIDTH - 1
     demand("steps of a leaf", (0, 2 * longest - 1), f.LENGTH_WIDTH + 1, signed=False)
     if len(f.RECIPROCALS) < 2 * longest:
         raise RangeError(f"the table of 1/L ends at {len(f.RECIPROCALS) - 1}; {2 * longest} may be")
-    candidates = anpc.MAX_NEXT**3
+    candidates = inverter.MAX_NEXT**3
     demand("place of a candidate", (0, candidates - 1), f.INDEX_WIDTH, signed=False)
     demand("leaves of a node", (0, candidates), f.BUDGET_WIDTH, signed=False)

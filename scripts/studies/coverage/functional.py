@@ -70,7 +70,7 @@ def two_switchings(count: int, rows: int, seed: int) -> Counter[str]:
     return found
 
 
-def two_level(rows: int, seed: int) -> Counter[str]:
+def mptc(rows: int, seed: int) -> Counter[str]:
     """Choices, ties and flags of every method of MPTC and MPFC."""
     found: Counter[str] = Counter()
     for method in METHODS:

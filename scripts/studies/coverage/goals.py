@@ -83,7 +83,7 @@ def of_functions(blocks: int = 64, rows: int = 512) -> dict[str, Counter[str]]:
     return {
         "one_switching": functional.one_switching(blocks, rows, SEED),
         "two_switchings": functional.two_switchings(max(blocks // 4, 4), max(rows // 3, 1), SEED),
-        "two_level": functional.two_level(rows, SEED) + functional.ties_of_vectors(),
+        "mptc": functional.mptc(rows, SEED) + functional.ties_of_vectors(),
     }
 
 

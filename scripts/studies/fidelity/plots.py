@@ -68,7 +68,7 @@ def draw_budget(rows: Sequence[Row], path: Path) -> None:
         ax.tick_params(axis="y", labelsize=7.5, length=0)
         ax.set_xlim(left=0)
     figure.suptitle(
-        "Fast variant, both five-level drives, sixty operating points; red: approximations, blue: "
+        "Fast variant, both drives of MPDCC, sixty operating points; red: approximations, blue: "
         "roundings",
         fontsize=10,
     )
@@ -101,7 +101,7 @@ def draw_words(rows: Sequence[Row], path: Path) -> None:
         ax.axhline(LIMIT, color="0.3", linewidth=0.7, linestyle=":")
         ax.legend(frameon=False, fontsize=8)
     axes[1].annotate("limit 0.25 %", (12.0, LIMIT * 0.8), fontsize=8)
-    figure.suptitle("Fast variant, both five-level drives, sixty operating points", fontsize=10)
+    figure.suptitle("Fast variant, both drives of MPDCC, sixty operating points", fontsize=10)
     save_png(figure, path)
     plt.close(figure)
 

@@ -35,8 +35,7 @@ from numpy.typing import NDArray
 from directmpc.compiled import njit
 from directmpc.loads.load import discretise
 from directmpc.mpdcc import coefficients as co
-from directmpc.mpdcc import formats, ideal
-from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import formats, ideal, inverter
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.extrapolation import choose_extrapolation
@@ -65,9 +64,9 @@ _CURVATURE_HIGH = 2.0 ** (formats.CURVATURE_WIDTH - 1) - 1
 _TURN = 2.0**formats.TURN_SHIFT
 _REACH = 2.0**formats.MARGIN_WIDTH
 _BITS = formats.LENGTH_WIDTH
-_COUNT, _NEXT, _TRANSITION = anpc.NEXT_COUNT, anpc.NEXT_TABLE, anpc.TRANSITION_WEIGHT
-_HALF_DC, _NEUTRAL, _CAPACITOR = anpc.HALF_DC, anpc.NEUTRAL, anpc.CAPACITOR
-_FROM_NEUTRAL, _FROM_CAPACITOR = anpc.NEUTRAL_CURRENT, anpc.CAPACITOR_CURRENT
+_COUNT, _NEXT, _TRANSITION = inverter.NEXT_COUNT, inverter.NEXT_TABLE, inverter.TRANSITION_WEIGHT
+_HALF_DC, _NEUTRAL, _CAPACITOR = inverter.HALF_DC, inverter.NEUTRAL, inverter.CAPACITOR
+_FROM_NEUTRAL, _FROM_CAPACITOR = inverter.NEUTRAL_CURRENT, inverter.CAPACITOR_CURRENT
 
 
 class Replica(NamedTuple):

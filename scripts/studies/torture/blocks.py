@@ -24,6 +24,7 @@ from directmpc.mptc import bit_true as mptc_twin
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc.coefficients import registers as mptc_registers
 from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.inverter import HALF_BRIDGES
 from scripts.hdl import states
 from scripts.studies.torture import mpdcc, mptc
 
@@ -52,7 +53,7 @@ RULES = ((0, 0), (1, 0), (0, 1), (1, 1))
 """Deadlock rule and outside rule, as the parameters have them."""
 
 METHODS = ("MPTC", "MPFC")
-TWO_LEVEL = ("induction_2kw2", "motulator_2kw2")
+MPTC_DRIVES = ("induction_2kw2", "motulator_2kw2")
 
 #: Most states that a block's result lists.
 LISTED = 5
@@ -60,7 +61,7 @@ LISTED = 5
 
 @dataclass(frozen=True)
 class MpdccBlock:
-    """States of the five-level inverter under one set of parameters."""
+    """States of MPDCC under one set of parameters."""
 
     kind: str
     register: IntArray
@@ -137,7 +138,7 @@ def mpdcc_block(number: int, seed: int, rows: int = ROWS) -> MpdccBlock:
     return MpdccBlock(MPDCC_KINDS[which], register, words.astype(np.int64), s_prev)
 
 
-def random_two_level(rng: np.random.Generator, method: str) -> MptcDrive:
+def random_mptc(rng: np.random.Generator, method: str) -> MptcDrive:
     """A two-level drive whose full scales suit its machine."""
 
     def _log(low: float, high: float) -> float:
@@ -162,7 +163,7 @@ def random_two_level(rng: np.random.Generator, method: str) -> MptcDrive:
                 "lr": lr,
                 "pole_pairs": poles,
             },
-            "inverter": {"topology": "two_level", "vdc": vdc},
+            "inverter": {"topology": HALF_BRIDGES[0], "vdc": vdc},
             "control": {
                 "ts": _log(10e-6, 200e-6),
                 "k_psi": torque / psi * _log(0.1, 3),
@@ -181,7 +182,7 @@ def random_two_level(rng: np.random.Generator, method: str) -> MptcDrive:
         return drive
 
 
-def _two_level_words(drive: MptcDrive, rows: int, rng: np.random.Generator) -> IntArray:
+def _mptc_words(drive: MptcDrive, rows: int, rng: np.random.Generator) -> IntArray:
     """States about an operating point: flux near its reference, torque near its own."""
     c, m = drive.control, drive.machine
     carried = 0.5 * drive.inverter.vdc / c.speed_max
@@ -212,12 +213,12 @@ def mptc_block(number: int, seed: int, rows: int = ROWS) -> MptcBlock:
     turn = number // len(MPTC_KINDS)
     method = METHODS[turn % 2]
     if which == 0:
-        path = states.DRIVES / f"{TWO_LEVEL[turn // 2 % 2]}.toml"
+        path = states.DRIVES / f"{MPTC_DRIVES[turn // 2 % 2]}.toml"
         drive = load_mptc_drive(path).with_control(method=method)
     else:
-        drive = random_two_level(rng, method)
+        drive = random_mptc(rng, method)
     if which < 2:
-        words = _two_level_words(drive, rows, rng)
+        words = _mptc_words(drive, rows, rng)
     else:
         low = np.array([-(2**15)] * 5 + [0, -(2**15), 0])
         high = np.array([2**15 - 1] * 5 + [2**16 - 1, 2**15 - 1, 2**15 - 1])

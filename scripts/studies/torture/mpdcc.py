@@ -34,7 +34,7 @@ NEUTRAL_POINT = np.array([0, 0, 1, 1, 1, 1, 0, 0])
 OF_LINK = np.array([-1, -1, 0, 0, 0, 0, 1, 1])
 OF_NEUTRAL = np.array([0, 0, 1, 1, 1, 1, 0, 0])
 OF_CAPACITOR = np.array([0, 1, -1, 0, 0, 1, -1, 0])
-#: Pairs of positions whose transition moves the ANPC stage and weighs 3.
+#: Pairs of positions whose transition moves the outer stage and weighs 3.
 STAGE = ((2, 4), (4, 2), (3, 5), (5, 3))
 
 VARIABLES = ("i_a", "i_b", "i_c", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")

@@ -108,11 +108,11 @@ def loaded(board: Board, drive: Drive | MptcDrive, *, back: bool = True) -> Regi
 def gates_of(controller: str, answer: Decision) -> int:
     """Gates that are on in the decided position, as the port has them."""
     if controller == "mpdcc":
-        legs, five_level = list(answer.positions), True
+        legs, tabled_leg = list(answer.positions), True
     else:
-        legs, five_level = [answer.position >> 5 - x & 1 for x in range(3)], False
-    on = [gate_guard.gates_of(five_level, leg) for leg in legs]
-    size = 8 if five_level else 2
+        legs, tabled_leg = [answer.position >> 5 - x & 1 for x in range(3)], False
+    on = [gate_guard.gates_of(tabled_leg, leg) for leg in legs]
+    size = 8 if tabled_leg else 2
     return sum(1 << size * x + gate - 1 for x, gates in enumerate(on) for gate in gates)
 
 

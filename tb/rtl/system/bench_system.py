@@ -813,10 +813,10 @@ async def faults(system: System) -> None:
 
     async def off(what: str) -> None:
         """Gates at the rails are off, and all gates when the stop is over."""
-        five_level = system.controller == "mpdcc"
-        rails = 0x090909 if five_level else 0x3F
+        tabled_leg = system.controller == "mpdcc"
+        rails = 0x090909 if tabled_leg else 0x3F
         board.check(what, (number(dut.running), number(dut.gates) & rails), (0, 0))
-        for _ in range(stop_clocks(five_level, settings["dead_time"]) - 1):
+        for _ in range(stop_clocks(tabled_leg, settings["dead_time"]) - 1):
             await FallingEdge(dut.clk)
         board.check(what, number(dut.gates), 0)
 

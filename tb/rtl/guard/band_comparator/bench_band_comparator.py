@@ -21,8 +21,8 @@ def _beyond(value: int, limit: int) -> bool:
 class Comparator:
     """Plain comparisons of a measurement, and what becomes of it in the two clocks behind."""
 
-    def __init__(self, five_level: bool) -> None:
-        self.five_level = five_level
+    def __init__(self, tabled_leg: bool) -> None:
+        self.tabled_leg = tabled_leg
         self.last, self.repeated = (0, 0), 0
         #: Trips of the measurements one and two clocks ago, and whether currents are the old ones.
         self.taken: tuple[set[str], bool] | None = None
@@ -43,15 +43,15 @@ class Comparator:
             trips = {"speed"} if _beyond(i["omega_r"], i["speed_limit"]) else set()
             voltages = [i[name] for name in PHASES]
             inside = i["v_ph_low"] <= min(voltages) and max(voltages) <= i["v_ph_high"] < 65535
-            if self.five_level and not inside:
+            if self.tabled_leg and not inside:
                 trips.add("capacitor")
-            if self.five_level and _beyond(i["v_n"], i["v_n_limit"]):
+            if self.tabled_leg and _beyond(i["v_n"], i["v_n_limit"]):
                 trips.add("neutral")
             currents = i["is_alpha"], i["is_beta"]
             self.taken = trips, currents == self.last
             self.last = currents
         if i["rst"]:
-            self.__init__(self.five_level)
+            self.__init__(self.tabled_leg)
 
 
 def _limits(rng: random.Random) -> dict[str, int]:
@@ -82,9 +82,9 @@ def _measured(rng: random.Random, limits: Mapping[str, int]) -> dict[str, int]:
 async def bands_and_repetitions(dut) -> None:
     """A measurement in most clocks; limits and whether it runs change every few."""
     given = arguments()
-    clocks, five_level = given["clocks"], given["five_level"]
+    clocks, tabled_leg = given["clocks"], given["tabled_leg"]
     rng = random.Random(3)
-    board, clock, model = Scoreboard(), Clock(dut), Comparator(five_level)
+    board, clock, model = Scoreboard(), Clock(dut), Comparator(tabled_leg)
     limits, frozen, running, currents, kept = _limits(rng), 1, 1, (0, 0), 0.8
     for k in range(clocks):
         if rng.random() < 0.1:
@@ -128,7 +128,7 @@ async def bands_and_repetitions(dut) -> None:
         board.cover("a count at its end", int(model.repeated == 255))
     board.finish(
         dict.fromkeys(OUTPUTS, clocks - 2),
-        {n: clocks // 40 for n in OUTPUTS if five_level or n in ("speed", "frozen")}
+        {n: clocks // 40 for n in OUTPUTS if tabled_leg or n in ("speed", "frozen")}
         | {f"no {n}": clocks // 20 for n in OUTPUTS}
         | {"a count at its end": 20},
     )

@@ -23,20 +23,20 @@ from tb.helpers.simulation import Outcome, run
 NAME = "band_comparator"
 
 
-def bench(rtl: Path = RTL, clocks: int = 12_000, *, five_level: bool = True) -> Outcome:
+def bench(rtl: Path = RTL, clocks: int = 12_000, *, tabled_leg: bool = True) -> Outcome:
     return run(
         NAME,
         f"tb.rtl.guard.{NAME}.bench_{NAME}",
         units=[NAME],
-        generics={"FIVE_LEVEL": five_level},
-        arguments={"clocks": clocks, "five_level": five_level},
+        generics={"TABLED_LEG": tabled_leg},
+        arguments={"clocks": clocks, "tabled_leg": tabled_leg},
         rtl=rtl,
     )
 
 
-@pytest.mark.parametrize("five_level", [True, False], ids=["anpc", "two_level"])
-def test_every_clock_is_the_reference_s(five_level: bool) -> None:
-    assert bench(five_level=five_level).checks["capacitor"] == 12_000 - 2
+@pytest.mark.parametrize("tabled_leg", [True, False], ids=["anpc", "two_level"])
+def test_every_clock_is_the_reference_s(tabled_leg: bool) -> None:
+    assert bench(tabled_leg=tabled_leg).checks["capacitor"] == 12_000 - 2
 
 
 FAULTS = [

@@ -22,10 +22,10 @@ async def every_clock(dut) -> None:
     No leg refuses a pattern by itself. The signals that say so are set, one leg at a time.
     """
     given = arguments()
-    five_level = given["FIVE_LEVEL"] == "true"
+    tabled_leg = given["TABLED_LEG"] == "true"
     rng = random.Random(given["seed"])
     board, clock = Scoreboard(), Clock(dut)
-    legs = given["converter"] or five_level
+    legs = given["converter"] or tabled_leg
     guard = GateGuard(legs, int(given["LEAST_DEAD_TIME"]))
     last: dict[str, int] = {}
     # each leg until it has stopped the guard that runs, and between them the guard that is off

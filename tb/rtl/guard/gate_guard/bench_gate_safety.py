@@ -19,10 +19,10 @@ NAMES = [f.name for f in fields(Inputs)]
 async def every_property(dut) -> None:
     """A random life, no property violated."""
     given = arguments()
-    five_level = given["FIVE_LEVEL"] == "true"
+    tabled_leg = given["TABLED_LEG"] == "true"
     board, clock = Scoreboard(), Clock(dut)
-    guard = GateGuard(five_level, int(given["LEAST_DEAD_TIME"]))
-    rows = life(random.Random(given["seed"]), five_level, guard, given["clocks"])
+    guard = GateGuard(tabled_leg, int(given["LEAST_DEAD_TIME"]))
+    rows = life(random.Random(given["seed"]), tabled_leg, guard, given["clocks"])
     for n, (i, ports) in enumerate(early(rows)):
         for name in NAMES:
             value = getattr(ports, name)

@@ -31,13 +31,13 @@ library ieee;
   use ieee.numeric_std.all;
 
 library directmpc;
-  use directmpc.anpc5l_leg.positions_t;
+  use directmpc.converter_leg.positions_t;
   use directmpc.directmpc_math.to_std_logic;
   use directmpc.gate_tables.all;
 
 entity gate_guard_checked is
   generic (
-    FIVE_LEVEL      : boolean                  := true; -- as gate_guard's
+    TABLED_LEG      : boolean                  := true; -- as gate_guard's
     LEAST_DEAD_TIME : positive range 1 to 4095 := 2     -- as gate_guard's
   );
   port (
@@ -86,7 +86,7 @@ end entity gate_guard_checked;
 
 architecture rtl of gate_guard_checked is
 
-  constant SIZE  : positive := gates_of(FIVE_LEVEL);
+  constant SIZE  : positive := gates_of(TABLED_LEG);
   constant COUNT : positive := 3 * SIZE;
 
   subtype age_t is unsigned(12 downto 0);
@@ -131,7 +131,7 @@ architecture rtl of gate_guard_checked is
 
     v := s;
 
-    if (not FIVE_LEVEL) then
+    if (not TABLED_LEG) then
       return v = "11";
     end if;
 
@@ -145,7 +145,7 @@ architecture rtl of gate_guard_checked is
   function full (position : unsigned(2 downto 0)) return std_logic_vector is
   begin
 
-    if (not FIVE_LEVEL) then
+    if (not TABLED_LEG) then
       if (position(0) = '1') then
         return "01";
       else
@@ -200,7 +200,7 @@ architecture rtl of gate_guard_checked is
 
     difference := a xor b;
 
-    if (not FIVE_LEVEL or a = b) then
+    if (not TABLED_LEG or a = b) then
       return true;
     elsif (difference = "001" or difference = "010") then
       return true;
@@ -239,7 +239,7 @@ architecture rtl of gate_guard_checked is
 
     v := s;
 
-    if (FIVE_LEVEL) then
+    if (TABLED_LEG) then
       return v(0) = '1' or v(3) = '1';
     end if;
 
@@ -263,7 +263,7 @@ architecture rtl of gate_guard_checked is
                   or unsigned(a) < unsigned(low) or unsigned(b) < unsigned(low) or unsigned(c) < unsigned(low)
                   or unsigned(high) > 65534 or signed(n(15) & n) > signed('0' & n_limit)
                   or signed(n(15) & n) < -signed('0' & n_limit) or unsigned(n_limit) > 32766;
-    return of_speed or (FIVE_LEVEL and of_voltage);
+    return of_speed or (TABLED_LEG and of_voltage);
 
   end function outside;
 
@@ -282,7 +282,7 @@ begin
 
   i_guard : entity directmpc.gate_guard
     generic map (
-      FIVE_LEVEL      => FIVE_LEVEL,
+      TABLED_LEG      => TABLED_LEG,
       LEAST_DEAD_TIME => LEAST_DEAD_TIME
     )
     port map (
@@ -423,7 +423,7 @@ begin
 
         for s in 0 to 7 loop
           if (now_on = '1' and g((x + 1) * SIZE - 1 downto x * SIZE) = full(to_unsigned(s, 3))
-              and (FIVE_LEVEL or s < 2)) then
+              and (TABLED_LEG or s < 2)) then
             whole(x)   <= to_unsigned(s, 3);
             entered(x) <= '1';
           end if;
@@ -485,7 +485,7 @@ begin
       most := to_unsigned(LEAST_DEAD_TIME, 15);
     end if;
 
-    if (FIVE_LEVEL) then
+    if (TABLED_LEG) then
       most := most + shift_left(most, 1);
     else
       most := (others => '0');
@@ -519,7 +519,7 @@ begin
         held(i) := to_std_logic(g(n) = earlier(n) and ages(n) >= dead);
       end loop;
 
-      if (FIVE_LEVEL) then
+      if (TABLED_LEG) then
         n := x * SIZE;
 
         if (cut = '0' and latched(FAULT_INTERLOCK) = '0') then
@@ -559,7 +559,7 @@ begin
       end if;
 
       for s in 0 to 7 loop
-        if (entered(x) = '1' and leg = full(to_unsigned(s, 3)) and (FIVE_LEVEL or s < 2)
+        if (entered(x) = '1' and leg = full(to_unsigned(s, 3)) and (TABLED_LEG or s < 2)
             and not follows(whole(x), to_unsigned(s, 3))) then
           found(4) <= '1';
         end if;

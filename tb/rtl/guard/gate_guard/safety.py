@@ -19,10 +19,10 @@ class ViolationError(AssertionError):
     """A safety property does not hold; the message names property and clock."""
 
 
-def verilog(five_level: bool, folder: Path, rtl: Path = RTL) -> Path:
+def verilog(tabled_leg: bool, folder: Path, rtl: Path = RTL) -> Path:
     """Convert guard and properties."""
     files = [*compile_order("gate_guard", rtl_files(rtl)), HERE / "gate_guard_checked.vhd"]
-    generics: tools.Generics = {"FIVE_LEVEL": five_level, "LEAST_DEAD_TIME": LEAST_DEAD_TIME}
+    generics: tools.Generics = {"TABLED_LEG": tabled_leg, "LEAST_DEAD_TIME": LEAST_DEAD_TIME}
     path, _ = netlist.convert(
         "gate_guard_checked", generics, folder / "core.v", files=files, check=False
     )
@@ -50,11 +50,11 @@ def _compiler(root: Path) -> list[str]:
     return [*chosen, "-O1", "-std=c++17", "-pthread", f"-I{include}", f"-I{include / 'vltstd'}"]
 
 
-def run(five_level: bool, clocks: int, seed: int = 1, rtl: Path = RTL) -> dict[str, int]:
+def run(tabled_leg: bool, clocks: int, seed: int = 1, rtl: Path = RTL) -> dict[str, int]:
     """Counts of what happened; raises where a property does not hold."""
     with tempfile.TemporaryDirectory(prefix="directmpc-safety-") as name:
         folder = Path(name)
-        verilog(five_level, folder, rtl)
+        verilog(tabled_leg, folder, rtl)
         tools.run(
             [
                 *tools.tool("verilator"),
@@ -74,7 +74,7 @@ def run(five_level: bool, clocks: int, seed: int = 1, rtl: Path = RTL) -> dict[s
             [*_compiler(root), f"-I{folder / 'obj'}", *map(str, sources), "-o", str(program)],
             timeout=900,
         )
-        command = [str(program), str(clocks), str(seed), str(int(five_level))]
+        command = [str(program), str(clocks), str(seed), str(int(tabled_leg))]
         command += [f"+verilator+seed+{seed}", "+verilator+rand+reset+2"]
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=900)
     if done.returncode:

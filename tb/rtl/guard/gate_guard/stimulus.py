@@ -25,7 +25,7 @@ def _with_positions(i: Inputs, of: Inputs) -> Inputs:
     return replace(i, position_a=of.position_a, position_b=of.position_b, position_c=of.position_c)
 
 
-def _settings(rng: random.Random, five_level: bool | str) -> dict[str, int]:
+def _settings(rng: random.Random, tabled_leg: bool | str) -> dict[str, int]:
     """Times a drive can run with, or anything."""
     if rng.random() < 0.1:
         return {
@@ -44,13 +44,13 @@ def _settings(rng: random.Random, five_level: bool | str) -> dict[str, int]:
     }
 
 
-def _bands(rng: random.Random, i: Inputs, five_level: bool | str) -> Inputs:
+def _bands(rng: random.Random, i: Inputs, tabled_leg: bool | str) -> Inputs:
     """Voltages and speed inside their bands or, seldom, beyond; currents that stand still."""
     names = ("v_ph_a", "v_ph_b", "v_ph_c", "v_n", "omega_r")
     found = dict(zip(names, (16_000, 16_000, 16_000, 0, 0), strict=True))
     found = {name: value + rng.randrange(-2000, 2000) for name, value in found.items()}
-    if rng.random() < (0.05 if five_level else 0.02):
-        name = rng.choice([rng.choice(names[:3]), *names[3:]] if five_level else names[4:])
+    if rng.random() < (0.05 if tabled_leg else 0.02):
+        name = rng.choice([rng.choice(names[:3]), *names[3:]] if tabled_leg else names[4:])
         limit = {"v_n": i.v_n_limit, "omega_r": i.speed_limit}.get(name, i.v_ph_high)
         low = i.v_ph_low if name.startswith("v_ph") else -limit
         outwards = rng.choice((-1, 0, 1, 1))
@@ -59,7 +59,7 @@ def _bands(rng: random.Random, i: Inputs, five_level: bool | str) -> Inputs:
 
 
 def life(
-    rng: random.Random, five_level: bool | str, guard: GateGuard, clocks: int
+    rng: random.Random, tabled_leg: bool | str, guard: GateGuard, clocks: int
 ) -> Iterator[Inputs]:
     """Inputs clock by clock; reads the model's goals to know what is legal."""
     i = Inputs(
@@ -72,7 +72,7 @@ def life(
         v_n_limit=4_000,
         speed_limit=9_000,
         frozen_limit=3,
-        **_settings(rng, five_level),
+        **_settings(rng, tabled_leg),
     )
     period, phase, wild = 40, 0, False
     still = 0  # measurements for which the currents stand still
@@ -92,7 +92,7 @@ def life(
         if n % 700 == 0:
             wild = rng.random() < 0.1
             period = rng.choice([7, 12, 20, 40, 45])
-            i = replace(i, **_settings(rng, five_level))
+            i = replace(i, **_settings(rng, tabled_leg))
         if n < 2 or rng.random() < 0.0005:
             i.rst = 1
         # a fault is cleared, enable goes down and up again, soon
@@ -106,7 +106,7 @@ def life(
             i.enable = 0
         if rng.random() < 0.004:
             i = replace(
-                i, **rng.choice([_settings(rng, five_level), {"dead_time": rng.randrange(6)}])
+                i, **rng.choice([_settings(rng, tabled_leg), {"dead_time": rng.randrange(6)}])
             )
         phase += 1
         if phase >= period:
@@ -122,7 +122,7 @@ def life(
                 i.is_alpha, i.is_beta = word(rng, 16), word(rng, 16)
             if rng.random() < 0.04:
                 i.v_dc = word(rng, 16, signed=False)
-            i = _bands(rng, i, five_level)
+            i = _bands(rng, i, tabled_leg)
         late = phase == 3 and rng.random() < 0.02
         hasty = rng.random() < (0.02 if wild else 0.05 if phase == 4 else 0.002)
         if (phase == 3 and not late) or hasty:
@@ -130,7 +130,7 @@ def life(
             goals = [leg.goal for leg in guard.legs]
             for x in range(3):
                 if rng.random() < 0.5:
-                    goals[x] = rng.choice(LEGS[five_level].next_positions[goals[x]])
+                    goals[x] = rng.choice(LEGS[tabled_leg].next_positions[goals[x]])
                 if rng.random() < 0.01:
                     goals[x] = rng.randrange(8)
             i.position_a, i.position_b, i.position_c = goals
@@ -145,7 +145,7 @@ def life(
             i.measured = 1
         if wild and rng.random() < 0.02:
             i.start = 1
-        if not five_level:  # bits that do not count
+        if not tabled_leg:  # bits that do not count
             i.position_a, i.position_b, i.position_c = (
                 p & 1 | (n & 3) << 1 for p in (i.position_a, i.position_b, i.position_c)
             )

@@ -27,7 +27,7 @@ from tb.helpers.simulation import Outcome, run
 
 
 def bench(
-    five_level: bool,
+    tabled_leg: bool,
     clocks: int,
     rtl: Path = RTL,
     *,
@@ -41,7 +41,7 @@ def bench(
         "tb.rtl.guard.gate_guard.bench_gate_guard",
         units=["gate_guard"],
         generics={
-            "FIVE_LEVEL": str(five_level).lower(),
+            "TABLED_LEG": str(tabled_leg).lower(),
             "LEAST_DEAD_TIME": 2,
             "SECOND_SUPERVISOR": str(second).lower(),
         },
@@ -51,12 +51,12 @@ def bench(
 
 
 @pytest.mark.parametrize(
-    ("five_level", "second"),
+    ("tabled_leg", "second"),
     [(True, False), (False, False), (False, True)],
     ids=["anpc", "two_level", "two supervisors"],
 )
-def test_every_clock_is_the_reference_s(five_level: bool, second: bool) -> None:
-    found = bench(five_level, 26_000, every=True, second=second)
+def test_every_clock_is_the_reference_s(tabled_leg: bool, second: bool) -> None:
+    found = bench(tabled_leg, 26_000, every=True, second=second)
     assert found.checks["gates"] == 26_000 - 2
 
 
@@ -84,7 +84,7 @@ def test_a_slip_in_an_order_is_noticed(tmp_path: Path) -> None:
 
 
 FAULTS = {
-    "order": ("anpc5l_leg", "(3, 7, 1, 2, 4, 0)", "(3, 1, 7, 2, 4, 0)"),
+    "order": ("converter_leg", "(3, 7, 1, 2, 4, 0)", "(3, 1, 7, 2, 4, 0)"),
     "dead time": (
         "gate_leg",
         "std_logic_vector(unsigned(dead_time) - 1);",

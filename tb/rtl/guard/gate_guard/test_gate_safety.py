@@ -21,14 +21,14 @@ from tb.rtl.guard.gate_guard import safety
 CLOCKS = 2_000_000
 
 
-@pytest.mark.parametrize("five_level", [True, False], ids=["anpc", "two_level"])
-def test_no_property_is_violated(five_level: bool) -> None:
-    found = safety.run(five_level, CLOCKS)
+@pytest.mark.parametrize("tabled_leg", [True, False], ids=["anpc", "two_level"])
+def test_no_property_is_violated(tabled_leg: bool) -> None:
+    found = safety.run(tabled_leg, CLOCKS)
     assert found["clocks"] == CLOCKS
     assert found["running"] > CLOCKS // 4
     assert found["moves"] > CLOCKS // 40
     assert min(found[name] for name in ("starts", "resets", "trips", "writes")) > 500
-    kinds = [n for n in range(15) if n != 8 and (five_level or n not in (4, 9, 10))]
+    kinds = [n for n in range(15) if n != 8 and (tabled_leg or n not in (4, 9, 10))]
     assert min(found[f"fault{n}"] for n in kinds) > 50
     assert found["fault8"] == 0  # the interlock's own
 
@@ -65,26 +65,26 @@ SEEDED = {
     ),
     "slow trip": (True, "trip_comparator", "valid_2 <= valid_1;", "valid_2 <= over_voltage;"),
     "least": (True, "gate_supervisor", "if (limited < LEAST_DEAD_TIME) then", "if (false) then"),
-    "stop at once": (True, "gate_leg", "stop_of(FIVE_LEVEL, driven);", "(others => '0');"),
+    "stop at once": (True, "gate_leg", "stop_of(TABLED_LEG, driven);", "(others => '0');"),
     "start at once": (
         True,
         "gate_leg",
-        'start_of(FIVE_LEVEL, accepted, "000") when',
-        "pattern_of(FIVE_LEVEL, accepted) when",
+        'start_of(TABLED_LEG, accepted, "000") when',
+        "pattern_of(TABLED_LEG, accepted) when",
     ),
     "slow stop": (True, "gate_leg", "(aged and not dark);", "'0';"),
-    "rail last": (True, "gate_leg", "at_rail(FIVE_LEVEL, driven) or (aged", "(aged"),
+    "rail last": (True, "gate_leg", "at_rail(TABLED_LEG, driven) or (aged", "(aged"),
     "primed": (False, "gate_supervisor", "primed <= '0';\n      elsif", "null;\n      elsif"),
 }
 
 
-def short_bench(five_level: bool, rtl: Path, clocks: int = 20_000) -> Outcome:
+def short_bench(tabled_leg: bool, rtl: Path, clocks: int = 20_000) -> Outcome:
     return run(
         "gate_guard_checked",
         "tb.rtl.guard.gate_guard.bench_gate_safety",
         units=["gate_guard"],
         files=[safety.HERE / "gate_guard_checked.vhd"],
-        generics={"FIVE_LEVEL": "true" if five_level else "false", "LEAST_DEAD_TIME": 2},
+        generics={"TABLED_LEG": "true" if tabled_leg else "false", "LEAST_DEAD_TIME": 2},
         arguments={"seed": 5, "clocks": clocks},
         rtl=rtl,
     )
@@ -92,12 +92,12 @@ def short_bench(five_level: bool, rtl: Path, clocks: int = 20_000) -> Outcome:
 
 @pytest.mark.parametrize("name", SEEDED)
 def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
-    five_level, *fault = SEEDED[name]
+    tabled_leg, *fault = SEEDED[name]
     with pytest.raises(CheckError, match="violations: got"):
-        short_bench(five_level, altered(tmp_path, *fault))
+        short_bench(tabled_leg, altered(tmp_path, *fault))
 
 
 def test_the_interlock_catches_a_wrong_order(tmp_path: Path) -> None:
     # S3 on before S2 is off never reaches the gates
-    rtl = altered(tmp_path, "anpc5l_leg", "(3, 7, 1, 2, 4, 0)", "(3, 7, 2, 1, 4, 0)")
+    rtl = altered(tmp_path, "converter_leg", "(3, 7, 1, 2, 4, 0)", "(3, 7, 2, 1, 4, 0)")
     assert short_bench(True, rtl, 6000).checks["violations"] > 5000

@@ -207,7 +207,7 @@ def test_the_page_has_the_stops_and_starts() -> None:
 
 
 def test_the_longest_stop_is_what_is_said() -> None:
-    for five_level, leg in LEGS.items():
+    for tabled_leg, leg in LEGS.items():
         longest = 0
         for _, patterns in commutations(leg):
             for on in patterns:
@@ -216,4 +216,4 @@ def test_the_longest_stop_is_what_is_said() -> None:
                 while on:
                     on, steps = leg.stop_step(on), steps + 1
                 longest = max(longest, steps - 1)
-        assert stop_clocks(five_level, 100) == 1 + 100 * longest
+        assert stop_clocks(tabled_leg, 100) == 1 + 100 * longest

@@ -61,7 +61,7 @@ def test_no_upset_shorts_for_longer_than_a_clock(name: str) -> None:
 
 def test_supervisors_that_are_not_compared_are_found(tmp_path: Path) -> None:
     rtl = altered(tmp_path, "gate_guard", "upset or disagree;", "upset;")
-    name = "gate guard, two-level, second supervisor"
+    name = "gate guard, two_level, second supervisor"
     netlist, found = _found(name, rtl)
     names = (netlist.names[one.flip_flop] for one in found if one.kind == "wrong")
     assert "supervisor" in {upsets.part_of(CASES[name], one) for one in names}
@@ -69,22 +69,22 @@ def test_supervisors_that_are_not_compared_are_found(tmp_path: Path) -> None:
 
 def test_an_interlock_before_the_output_registers_alone_is_found(tmp_path: Path) -> None:
     rtl = altered(
-        tmp_path, "gate_leg", "upset   <= is_forbidden(FIVE_LEVEL, driven);", "upset   <= '0';"
+        tmp_path, "gate_leg", "upset   <= is_forbidden(TABLED_LEG, driven);", "upset   <= '0';"
     )
-    _, found = _found("gate guard, two-level", rtl)
+    _, found = _found("gate guard, two_level", rtl)
     assert sum(one.kind == "shorted" for one in found) >= 3
 
 
 def test_times_without_parity_are_found(tmp_path: Path) -> None:
     rtl = altered(tmp_path, "gate_supervisor", "parity xor parity_of(dead & rest);", "'0';")
-    netlist, found = _found("gate guard, ANPC", rtl)
+    netlist, found = _found("gate guard, anpc5l", rtl)
     assert any("dead" in netlist.names[one.flip_flop] for one in found if one.kind == "late")
 
 
 def test_a_guard_that_does_not_trip_is_no_base(tmp_path: Path) -> None:
     rtl = altered(tmp_path, "trip_comparator", "valid_2 and beyond;", "'0';")
     with pytest.raises(ToolError, match="the run without an upset has problems"):
-        _found("gate guard, two-level", rtl)
+        _found("gate guard, two_level", rtl)
 
 
 def test_the_page_has_what_is_kept() -> None:
@@ -119,21 +119,21 @@ def test_a_campaign_goes_on_where_it_was_stopped(
     tmp_path: Path, netlists: dict[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "upsets.json"
-    arguments = ["gate guard, ANPC", "--times", "3", "--out", str(path)]
+    arguments = ["gate guard, anpc5l", "--times", "3", "--out", str(path)]
     netlists["stop"] = "64"
     assert COMMAND.main(arguments) == 1
-    kept = upsets.read(path)["cases"]["gate guard, ANPC"]
+    kept = upsets.read(path)["cases"]["gate guard, anpc5l"]
     assert kept["done"] == 64
     assert kept["counts"]["supervisor"] == {"fault": 64 * 3}
     netlists["stop"] = "0"  # what is done is not done again
     assert COMMAND.main(arguments) == 0
-    kept = upsets.read(path)["cases"]["gate guard, ANPC"]
+    kept = upsets.read(path)["cases"]["gate guard, anpc5l"]
     assert kept["done"] == 80
     assert kept["counts"]["supervisor"] == {"fault": 80 * 3}
-    assert "| gate guard, ANPC | all | 80 | 0 | 240 | 0 | 0 |" in capsys.readouterr().out
+    assert "| gate guard, anpc5l | all | 80 | 0 | 240 | 0 | 0 |" in capsys.readouterr().out
     netlists["text"] = "another netlist"
     assert COMMAND.main(arguments) == 1  # begins at the first one, which fails
-    assert upsets.read(path)["cases"]["gate guard, ANPC"]["done"] == 0
+    assert upsets.read(path)["cases"]["gate guard, anpc5l"]["done"] == 0
     assert COMMAND.main([*arguments, "--seed", "2"]) == 1
     assert "with --anew" in capsys.readouterr().err
 
@@ -142,7 +142,7 @@ def test_a_shorted_pattern_fails_the_campaign(
     tmp_path: Path, netlists: dict[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     netlists["kind"] = "shorted"
-    arguments = ["gate guard, ANPC", "--times", "1", "--out", str(tmp_path / "upsets.json")]
+    arguments = ["gate guard, anpc5l", "--times", "1", "--out", str(tmp_path / "upsets.json")]
     assert COMMAND.main(arguments) == 1
     said = capsys.readouterr()
     assert "i_supervisor.word[0] in clock 7: a shorted pattern" in said.err

@@ -62,13 +62,13 @@ def two_level(i: Inputs) -> Inputs:
 async def every_clock(dut) -> None:
     """All outputs after every edge."""
     given = arguments()
-    five_level = given["FIVE_LEVEL"] == "true"
+    tabled_leg = given["TABLED_LEG"] == "true"
     board, clock = Scoreboard(), Clock(dut)
-    guard = GateGuard(five_level, int(given["LEAST_DEAD_TIME"]))
-    firsts = [[0, 3, 5], [6, 1, 2], [4, 7, 0]] if five_level else [[0, 1, 0], [1, 0, 1]]
+    guard = GateGuard(tabled_leg, int(given["LEAST_DEAD_TIME"]))
+    firsts = [[0, 3, 5], [6, 1, 2], [4, 7, 0]] if tabled_leg else [[0, 1, 0], [1, 0, 1]]
     stimulus = [(leg, one_leg(leg, first)) for leg in range(3) for first in firsts]
     for leg, inputs in stimulus:
-        for i, ports in early(inputs if five_level else map(two_level, inputs)):
+        for i, ports in early(inputs if tabled_leg else map(two_level, inputs)):
             for name in NAMES:
                 value = getattr(ports, name)
                 getattr(dut, name).value = bits(value, 16) if value < 0 else value
@@ -85,7 +85,7 @@ async def every_clock(dut) -> None:
             for fault in guard.faults - before:
                 board.cover(f"{fault} {leg}")
             board.cover(f"waits {leg}", int(guard.waits == 1 << (2 - leg)))
-    kinds = ["overrun"] + ["illegal_edge"] * five_level
+    kinds = ["overrun"] + ["illegal_edge"] * tabled_leg
     assert set(kinds) <= set(FAULTS)
     covered = dict.fromkeys([f"{kind} {leg}" for kind in [*kinds, "waits"] for leg in range(3)], 1)
     board.finish({"gates": 500}, covered)

@@ -15,9 +15,9 @@ from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number
 REFUSED = [{1, 2}, {3, 4}, {2, 3}, {6, 7}, {1, 4}, {1, 5, 8}, {4, 5, 8}]
 
 
-def following(five_level: bool, position: int) -> list[int]:
+def following(tabled_leg: bool, position: int) -> list[int]:
     """Positions that a position may move to."""
-    near = [int(s) for s in anpc.NEXT_POSITIONS[position]] if five_level else [0, 1]
+    near = [int(s) for s in anpc.NEXT_POSITIONS[position]] if tabled_leg else [0, 1]
     return sorted(set(near) - {position})
 
 
@@ -34,7 +34,7 @@ class Unguarded(Leg):
 
     def actions(self, goal: int) -> list[int]:
         """Gates that change one after the other: the first of g, a and b that differs moves."""
-        if not self.five_level:
+        if not self.tabled_leg:
             return [1, 2] if self.origin & 1 else [2, 1]
         differs = self.origin ^ goal
         if differs & 4:  # one order for all moves of g, edges or not
@@ -58,7 +58,7 @@ class Unguarded(Leg):
             self.ready_at = self.plan[-1][0] + rest
         if self.plan and self.plan[0][0] == now:
             self.tried = self.on ^ {self.plan.pop(0)[1]}
-            pairs = REFUSED if self.five_level else REFUSED[:1]
+            pairs = REFUSED if self.tabled_leg else REFUSED[:1]
             self.refused = any(pair <= self.tried for pair in pairs)
             self.on = self.on if self.refused else self.tried
             # the one count waits for the rest behind a last action
@@ -84,10 +84,10 @@ class Unguarded(Leg):
 class Bench:
     """A leg, and the leg as it should be."""
 
-    def __init__(self, dut, five_level: bool) -> None:
-        self.dut, self.five_level = dut, five_level
+    def __init__(self, dut, tabled_leg: bool) -> None:
+        self.dut, self.tabled_leg = dut, tabled_leg
         self.board, self.clock = Scoreboard(), Clock(dut)
-        self.leg, self.now = Leg(five_level), 0
+        self.leg, self.now = Leg(tabled_leg), 0
         self.dead = self.rest = 1
         #: At the port in the clock before: what a decision of this clock takes.
         self.goal = 0
@@ -107,7 +107,7 @@ class Bench:
         dut, leg, board = self.dut, self.leg, self.board
         goal, self.goal = self.goal, coming
         # of a two-level leg two bits of three do not count
-        port = coming if self.five_level else coming | (self.now & 3) << 1
+        port = coming if self.tabled_leg else coming | (self.now & 3) << 1
         dut.goal.value, dut.decided.value = port, int(decided)
         dut.stop.value, dut.kill.value = int(stop), int(kill)
         await self.clock.settle()
@@ -154,7 +154,7 @@ class Bench:
     async def live(self, rng: random.Random, clocks: int) -> None:
         """Goals at any time; what a supervisor would not let pass comes with a stop."""
         leg = self.leg
-        positions = 8 if self.five_level else 2
+        positions = 8 if self.tabled_leg else 2
         for n in range(clocks):
             refused = leg.alive and (not leg.legal(self.goal) or leg.blocked(self.goal))
             decided = rng.random() < (0.03 if refused else 0.2)
@@ -162,7 +162,7 @@ class Bench:
             kill = n < 2 or (stop and rng.random() < 0.1)
             coming, kept = rng.randrange(positions), self.goal if decided else leg.goal
             if rng.random() < 0.6:
-                near = following(self.five_level, kept)
+                near = following(self.tabled_leg, kept)
                 coming = kept if decided or leg.waits else rng.choice(near)
             if not leg.alive and not leg.on and not decided:
                 dead, rest = rng.randrange(1, 5), rng.randrange(1, 7)
@@ -173,14 +173,14 @@ class Bench:
         """Goals that are no edges: gates and position part, and the interlock is what is left."""
         for stop, decided in ((1, 0), (0, 1), (0, 0), (0, 0), (1, 0)):
             await self.step(0, decided=bool(decided), stop=bool(stop), kill=bool(stop))
-        self.leg = Unguarded(self.five_level)
+        self.leg = Unguarded(self.tabled_leg)
         for _ in range(clocks):
             stop = rng.random() < 0.005
             kill = stop and rng.random() < 0.2
             decided = rng.random() < (0.1 if self.leg.waits else 0.3)
             if not self.leg.alive and not self.leg.on and not decided:
                 self.times(rng.randrange(1, 4), rng.randrange(1, 4))
-            coming = rng.randrange(8 if self.five_level else 2)
+            coming = rng.randrange(8 if self.tabled_leg else 2)
             await self.step(coming, decided=decided, stop=stop, kill=kill)
             self.board.cover("refused", int(self.leg.refused))
             for pair in REFUSED:
@@ -190,10 +190,10 @@ class Bench:
     async def upset(self, rng: random.Random) -> bool:
         """Flip a gate so that the pattern may not be, out of a life; whether there is one."""
         dut, board = self.dut, self.board
-        size = 8 if self.five_level else 2
-        self.leg, self.now = Leg(self.five_level), 0
+        size = 8 if self.tabled_leg else 2
+        self.leg, self.now = Leg(self.tabled_leg), 0
         await self.live(rng, rng.randrange(10, 60))
-        pairs = REFUSED if self.five_level else REFUSED[:1]
+        pairs = REFUSED if self.tabled_leg else REFUSED[:1]
         gates = [g for g in range(1, size + 1) if any(p <= self.leg.on ^ {g} for p in pairs)]
         dut.decided.value = dut.stop.value = dut.kill.value = 0
         await self.clock.settle()
@@ -219,7 +219,7 @@ async def every_upset(dut) -> None:
     """Flips of one gate each, out of lives under a supervisor."""
     given = arguments()
     rng = random.Random(given["seed"])
-    bench = Bench(dut, given["FIVE_LEVEL"] == "true")
+    bench = Bench(dut, given["TABLED_LEG"] == "true")
     bench.times(1, 1)
     left = given["upsets"]
     while left:
@@ -231,19 +231,19 @@ async def every_upset(dut) -> None:
 async def every_clock(dut) -> None:
     """A random life under a supervisor, then one without."""
     given = arguments()
-    five_level = given["FIVE_LEVEL"] == "true"
+    tabled_leg = given["TABLED_LEG"] == "true"
     rng = random.Random(given["seed"])
-    bench = Bench(dut, five_level)
+    bench = Bench(dut, tabled_leg)
     bench.times(1, 1)
     await bench.live(rng, given["clocks"])
     await bench.stray(rng, 2 * given["clocks"])
-    positions = range(8 if five_level else 2)
+    positions = range(8 if tabled_leg else 2)
     looked = [f"{a} to {b}" for a in positions for b in positions]
-    moved = [f"moved {a} to {b}" for a in positions for b in following(five_level, a)]
-    refused = [f"{pair} alone" for pair in (REFUSED if five_level else REFUSED[:1])]
+    moved = [f"moved {a} to {b}" for a in positions for b in following(tabled_leg, a)]
+    refused = [f"{pair} alone" for pair in (REFUSED if tabled_leg else REFUSED[:1])]
     bench.board.finish(
         {"gates": 3 * given["clocks"] - 1},
         dict.fromkeys([*looked, *moved, *refused], 1)
         | {"stopped in a move": 10, "refused": 50}
-        | {"killed": 3, "decided too early": 3 * five_level},
+        | {"killed": 3, "decided too early": 3 * tabled_leg},
     )

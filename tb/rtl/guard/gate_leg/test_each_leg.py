@@ -21,19 +21,19 @@ from tb.helpers.simulation import Outcome, run
 NAME = "gate_guard"
 
 
-def bench(rtl: Path = RTL, *, five_level: bool = True) -> Outcome:
+def bench(rtl: Path = RTL, *, tabled_leg: bool = True) -> Outcome:
     return run(
         NAME,
         "tb.rtl.guard.gate_leg.bench_each_leg",
         units=[NAME],
-        generics={"FIVE_LEVEL": "true" if five_level else "false", "LEAST_DEAD_TIME": 2},
+        generics={"TABLED_LEG": "true" if tabled_leg else "false", "LEAST_DEAD_TIME": 2},
         rtl=rtl,
     )
 
 
-@pytest.mark.parametrize("five_level", [True, False], ids=["anpc", "two_level"])
-def test_each_leg_is_asked(five_level: bool) -> None:
-    assert bench(five_level=five_level).checks["gates"] > 1000
+@pytest.mark.parametrize("tabled_leg", [True, False], ids=["anpc", "two_level"])
+def test_each_leg_is_asked(tabled_leg: bool) -> None:
+    assert bench(tabled_leg=tabled_leg).checks["gates"] > 1000
 
 
 FAULTS = [

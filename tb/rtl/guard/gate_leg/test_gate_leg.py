@@ -38,27 +38,27 @@ FLIP = """
 
 
 def bench(
-    rtl: Path = RTL, clocks: int = 6000, *, five_level: bool = True, upsets: int = 0
+    rtl: Path = RTL, clocks: int = 6000, *, tabled_leg: bool = True, upsets: int = 0
 ) -> Outcome:
     return run(
         NAME,
         f"tb.rtl.guard.{NAME}.bench_{NAME}",
         units=[NAME],
-        generics={"FIVE_LEVEL": "true" if five_level else "false"},
+        generics={"TABLED_LEG": "true" if tabled_leg else "false"},
         arguments={"seed": 4, "clocks": clocks, "upsets": upsets},
         rtl=rtl,
     )
 
 
-@pytest.mark.parametrize("five_level", [True, False], ids=["anpc", "two_level"])
-def test_every_clock_is_the_reference_s(five_level: bool) -> None:
-    assert bench(five_level=five_level).covered["refused"] >= 50
+@pytest.mark.parametrize("tabled_leg", [True, False], ids=["anpc", "two_level"])
+def test_every_clock_is_the_reference_s(tabled_leg: bool) -> None:
+    assert bench(tabled_leg=tabled_leg).covered["refused"] >= 50
 
 
-@pytest.mark.parametrize("five_level", [True, False], ids=["anpc", "two_level"])
-def test_an_upset_of_a_gate_is_undone_with_the_next_edge(five_level: bool, tmp_path: Path) -> None:
+@pytest.mark.parametrize("tabled_leg", [True, False], ids=["anpc", "two_level"])
+def test_an_upset_of_a_gate_is_undone_with_the_next_edge(tabled_leg: bool, tmp_path: Path) -> None:
     rtl = altered(tmp_path, NAME, END, FLIP + END)
-    assert bench(rtl, five_level=five_level, upsets=200).checks["after an upset"] == 200
+    assert bench(rtl, tabled_leg=tabled_leg, upsets=200).checks["after an upset"] == 200
 
 
 @pytest.mark.parametrize(
@@ -79,23 +79,23 @@ def test_an_upset_that_stays_is_seen(old: str, new: str, check: str, tmp_path: P
 
 
 FAULTS = [
-    Fault("anpc5l_leg", "(0, 1, 3, 3),", "(0, 1, 3, 2),", "legal"),
-    Fault("anpc5l_leg", '"00000011", "00001001"', '"00000011", "00000011"', "(refused|gates)"),
-    Fault("anpc5l_leg", '"10010001", "10011000"', '"10010001", "10010001"', "(refused|gates)"),
+    Fault("converter_leg", "(0, 1, 3, 3),", "(0, 1, 3, 2),", "legal"),
+    Fault("converter_leg", '"00000011", "00001001"', '"00000011", "00000011"', "(refused|gates)"),
+    Fault("converter_leg", '"10010001", "10011000"', '"10010001", "10010001"', "(refused|gates)"),
     Fault(NAME, "or (not going and forbidden)", "", "refused"),
     Fault(NAME, "(change and ((going", "(((going", "refused"),
     Fault(NAME, "(act = '1' and forbidden = '0') then", "(act = '1') then", "gates"),
-    Fault(NAME, "lowered <= stop_of(FIVE_LEVEL, driven);", "lowered <= (others => '0');", "gates"),
-    Fault(NAME, "at_rail(FIVE_LEVEL, driven) or (aged", "(aged", "gates"),
+    Fault(NAME, "lowered <= stop_of(TABLED_LEG, driven);", "lowered <= (others => '0');", "gates"),
+    Fault(NAME, "at_rail(TABLED_LEG, driven) or (aged", "(aged", "gates"),
     Fault(NAME, "(aged and not dark);", "not dark;", "gates"),
     Fault(NAME, "if (kill = '1' or upset = '1') then", "if (upset = '1') then", "gates"),
     Fault(NAME, "if (live = '0' and dark = '1') then", "if (live = '0') then", "(gates|legal)"),
     Fault(
-        NAME, 'start_of(FIVE_LEVEL, accepted, "000")', "pattern_of(FIVE_LEVEL, accepted)", "gates"
+        NAME, 'start_of(TABLED_LEG, accepted, "000")', "pattern_of(TABLED_LEG, accepted)", "gates"
     ),
-    Fault(NAME, "further <= start_of(FIVE_LEVEL, target, action + 1);", "null;", "gates"),
+    Fault(NAME, "further <= start_of(TABLED_LEG, target, action + 1);", "null;", "gates"),
     Fault(
-        "anpc5l_leg",
+        "converter_leg",
         '("00000010", "10000000", "10000000"),',
         '("00000010", "10000000", "00000010"),',
         "gates",
@@ -115,4 +115,4 @@ def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
 def test_bits_that_do_not_count_are_left_out(tmp_path: Path) -> None:
     seen = "(gates|blocked|waits|resting|position)"
     fault = Fault("gate_tables", 'return "00" & code(0);', "return code;", seen)
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl, five_level=False))
+    assert_seen(fault, tmp_path, lambda rtl: bench(rtl, tabled_leg=False))

@@ -17,7 +17,7 @@ class Legs:
 
     def __init__(self, dead: int, rest: int) -> None:
         self.dead, self.rest, self.now, self.lost = dead, rest, 0, 0
-        self.legs = [Leg(five_level=False) for _ in range(3)]
+        self.legs = [Leg(tabled_leg=False) for _ in range(3)]
 
     @property
     def waits(self) -> int:

@@ -69,12 +69,12 @@ def test_transition_tables_follow_from_the_gate_bits() -> None:
     for s, t in itertools.product(range(8), repeat=2):
         g, a, b = (x != y for x, y in zip(bits(s), bits(t), strict=True))
         if t in GRAPH[s]:
-            assert anpc.COMMUTATIONS_ANPC[s, t] == 2 * g
-            assert anpc.COMMUTATIONS_FC[s, t] == a + b
+            assert anpc.LEG.turn_ons("anpc")[s, t] == 2 * g
+            assert anpc.LEG.turn_ons("cell")[s, t] == a + b
             weight = 2 * g + a + b
         else:
             weight = anpc.INADMISSIBLE
-            assert anpc.COMMUTATIONS_ANPC[s, t] == anpc.COMMUTATIONS_FC[s, t] == weight
+            assert anpc.LEG.turn_ons("anpc")[s, t] == anpc.LEG.turn_ons("cell")[s, t] == weight
         assert anpc.TRANSITION_WEIGHT[0, s, t] == anpc.TRANSITION_WEIGHT[1, s, t] == weight
 
 
