@@ -90,9 +90,9 @@ def wrapper(top: str, ports: Ports, has_protocol: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
-def map_core(one: Configuration) -> Path:
+def map_core(one: Configuration, rtl: Path = sources.RTL) -> Path:
     """The core in its wrapper, mapped to ECP5; cached by content."""
-    source = netlist.cached(one.entity, one.generics)
+    source = netlist.cached(one.entity, one.generics, rtl=rtl)
     text = source.read_text(encoding="utf-8")
     header = re.search(rf"^module {one.entity.lower()}\n(.*?);\n", text, re.M | re.S)
     names = set(re.findall(r"(\w+)[,)]", header.group(1) + ")")) if header else set()

@@ -28,9 +28,6 @@ from directmpc.mpdcc.coefficients import registers
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.plant import Plant
 
-LOSSLESS = ("anpc5l", "npc3l", "ttype3l", "two_level")
-"""Converters that the bit-true model serves."""
-
 
 def drive_of(name: str) -> Drive:
     drive = load_drive("npc3l_3kv3")
@@ -60,7 +57,7 @@ def test_a_loop_keeps_its_bounds(name: str) -> None:
 
 
 @pytest.mark.parametrize("horizon", ["SE", "SESE"])
-@pytest.mark.parametrize("name", LOSSLESS)
+@pytest.mark.parametrize("name", tables.NAMES)
 def test_the_model_decides_as_the_ideal_controller(name: str, horizon: str) -> None:
     drive = drive_of(name).with_control(switching_horizon=horizon, budget=0)
     found = closed_loop.simulate(
@@ -73,7 +70,7 @@ def test_the_model_decides_as_the_ideal_controller(name: str, horizon: str) -> N
     assert not found.decisions.saturated.any()
 
 
-@pytest.mark.parametrize("name", LOSSLESS)
+@pytest.mark.parametrize("name", tables.NAMES)
 def test_the_paper_variant_decides_too(name: str) -> None:
     drive = drive_of(name).with_papers_rules()
     found = closed_loop.simulate(
@@ -149,5 +146,3 @@ def test_what_serves_the_usual_converter_alone() -> None:
     assert not any("v_ph" in said for said in values(drive_of("npc3l")).missing)
     with pytest.raises(ValueError, match=r'inverter\.topology: got "npc3l"; it must be "anpc5l"'):
         fmu_plant(drive_of("npc3l"), "npc")
-    with pytest.raises(ValueError, match=r'inverter\.topology: got "fc3l"; .* at v_dc/4 alone'):
-        registers(drive_of("fc3l"), "fast")

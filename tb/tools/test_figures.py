@@ -189,6 +189,9 @@ WRITERS: dict[str, Callable[[Path], None]] = {
 
 #: What stands between marks and is of other origin: the tests that compare it.
 ELSEWHERE = {
+    "docs/converters.md": (
+        "tb/rtl/mpdcc/mpdcc_core/test_converters.py::test_the_page_has_what_a_core_takes",
+    ),
     "docs/drive-file.md": ("tb/tools/test_documents.py::test_the_example_gives_the_shipped_drive",),
     "docs/equations.md": ("tb/tools/test_documents.py::test_the_equations_lead_somewhere",),
     "docs/gate-guard.md": (
@@ -382,7 +385,7 @@ def two_level(case: str, figure: str, part: str = "median") -> list[float]:
     return [
         one[figure][part]
         for method in ("MPTC", "MPFC")
-        for name, one in metrics()["robustness"]["two_level"][method].items()
+        for name, one in metrics()["robustness"]["mptc"][method].items()
         if name.startswith(case)
     ]
 

@@ -139,7 +139,7 @@ class TrippedError(RuntimeError):
         hint = ""
         if "capacitor" in faults:
             hint = (
-                "; before a start, charge every phase capacitor to a quarter of the dc link, "
+                "; before a start, charge every phase capacitor to its share of the dc link, "
                 "between guard.v_ph_low and guard.v_ph_high (docs/safety.md)"
             )
         super().__init__(

@@ -239,7 +239,9 @@ def _per_unit(drive: Drive, real: dict[str, float]) -> dict[str, float]:
     result |= {
         "error_alpha": _ERROR / f.CURRENT.scale,
         "error_neutral": -_ERROR / f.NEUTRAL_VOLTAGE.scale * has_neutral,
-        "error_phase": _ERROR / (2.0 * f.CAPACITOR_VOLTAGE.scale) * has_capacitors,
+        "error_phase": _ERROR
+        / (2.0 * f.CAPACITOR_VOLTAGE.scale)
+        * (4.0 * drive.converter.capacitor_share),
         "forced_voltage": forced * _COARSE / f.CAPACITOR_VOLTAGE.scale,
         "forced_neutral": forced * _COARSE / f.NEUTRAL_VOLTAGE.scale,
         "phase_alpha": phase * _FINE / f.CURRENT.scale,
@@ -476,11 +478,6 @@ def registers(drive: Drive, variant: str, room: float = 1.0) -> Registers:
         the message names the drive file's key.
     """
     refuse_unserved(drive, variant)
-    if drive.converter.capacitor_share not in (0.0, 0.25):
-        raise ValueError(
-            f'inverter.topology: got "{drive.converter.name}"; the cores and their models serve '
-            "phase capacitors at v_dc/4 alone"
-        )
     if drive.control.leakage_estimate:
         room = max(room, ROOM)
     exact = unrounded(drive, variant, room)

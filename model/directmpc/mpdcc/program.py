@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
+from directmpc.converter import Converter
 from directmpc.mpdcc import formats as f
 
 #: Coefficient ports of the core, in port order; all 16 bits signed.
@@ -76,7 +77,7 @@ SIGNALS: tuple[str, ...] = (
     "iref_beta",
     "difference_alpha",  # iref - is
     "difference_beta",
-    "difference_a",  # v_dc - 2*v_ph: 4*(v_dc/4 - v_ph) at the scale of v_ph
+    "difference_a",  # v_dc - 2*v_ph: 4*(v_dc/4 - v_ph) at the scale of v_ph; v_dc - v_ph for v_dc/2
     "difference_b",
     "difference_c",
 )
@@ -258,10 +259,10 @@ def _charged(phase: str) -> tuple[Step, ...]:
     )
 
 
-def _voltage(phase: str) -> tuple[Step, ...]:
-    """Successor: voltage term of a phase capacitor."""
+def _voltage(phase: str, quarters: int) -> tuple[Step, ...]:
+    """Successor: voltage term of a phase capacitor, whose reference is so many quarters of v_dc."""
     return (
-        Step("quarter_link", "power_14", 1, f"forced_{phase}"),
+        *[Step("quarter_link", "power_14", 1, f"forced_{phase}")] * quarters,
         Step(f"ahead_{phase}", "error_forced", 1, f"forced_{phase}"),
     )
 
@@ -319,34 +320,44 @@ PROGRAMS: dict[str, tuple[tuple[Step, ...], ...]] = {
 }
 PROGRAM = PROGRAMS["paper"]
 
-#: The successor's program, run after the fast variant's on the same blocks; None: no product.
-SUCCESSOR: tuple[tuple[Step | None, ...], ...] = (
-    _advance("alpha", "beta"),
-    _advance("beta", "alpha"),
-    (*[None] * 4, *_charged("a"), *_charged("b"), *_voltage("a"), *_voltage("b"), *[None] * 4),
-    (
-        None,
-        Step("neutral_slope", "length_neutral", 3, "neutral_ahead"),
-        Step("base_error_neutral", "power_7", 3, "neutral_ahead"),
-        None,
-        *_charged("c"),
-        None,
-        None,
-        *_voltage("c"),
-        None,
-        Step("neutral_ahead", "power_7", 3, "error_neutral"),
-        Step("neutral_ahead", "error_forced", 1, "forced_neutral"),
-        Step("neutral_ahead", "change_weight", 1, "weight_start"),
-        None,
-        None,
-    ),
-)
+
+def _successor(quarters: int) -> tuple[tuple[Step | None, ...], ...]:
+    """The successor's program, run after the fast variant's on the same blocks; None: no product.
+
+    `quarters` is the reference of v_ph, quarters of v_dc.
+    """
+    phase_b = (*_charged("b"), *_voltage("a", quarters), *_voltage("b", quarters))
+    return (
+        _advance("alpha", "beta"),
+        _advance("beta", "alpha"),
+        (*[None] * 4, *_charged("a"), *phase_b, *[None] * (6 - 2 * quarters)),
+        (
+            None,
+            Step("neutral_slope", "length_neutral", 3, "neutral_ahead"),
+            Step("base_error_neutral", "power_7", 3, "neutral_ahead"),
+            None,
+            *_charged("c"),
+            None,
+            None,
+            *_voltage("c", quarters),
+            *[None] * (2 - quarters),
+            Step("neutral_ahead", "power_7", 3, "error_neutral"),
+            Step("neutral_ahead", "error_forced", 1, "forced_neutral"),
+            Step("neutral_ahead", "change_weight", 1, "weight_start"),
+            None,
+            None,
+        ),
+    )
+
+
+SUCCESSOR = _successor(1)
 SUCCESSOR_LENGTH = len(SUCCESSOR[0])
 
 #: Results of the successor's program that are saturated; the others cannot exceed their words, as
 #: long as the successor's errors are within their bounds or one step away from errors of
 #: BASE_WIDTH: such an error and the largest slope make less than 2**17, which ``error_forced``
-#: turns into less than 2**19 even with half of the largest ``forced_link`` added.
+#: turns into less than 2**19 even with half of the largest ``forced_link`` added. Where v_ph's
+#: reference is v_dc/2 all of it is added: there the voltage terms are saturated too.
 SUCCESSOR_SATURATES: tuple[str, ...] = (
     "change_alpha", "change_beta", "phase_alpha", "phase_beta", "midpoint_alpha", "midpoint_beta",
     "weight_alpha", "weight_beta", "weight_start",
@@ -397,6 +408,8 @@ class Plan:
         Step that completes what the capacitor search needs.
     successor_step : int
         Likewise of the successor's program, before its first read.
+    saturating : tuple of str
+        As ``SUCCESSOR_SATURATES``.
     """
 
     programs: dict[str, Program]
@@ -405,6 +418,7 @@ class Plan:
     absent: frozenset[str]
     capacitor_step: int
     successor_step: int
+    saturating: tuple[str, ...] = SUCCESSOR_SATURATES
 
 
 #: Results that are about phase capacitors; phase_* gives the signs of the currents too.
@@ -444,28 +458,27 @@ def _without(program: Program, absent: Collection[str]) -> Program:
     )
 
 
-def plan_of(capacitors: bool, capacitor_currents: bool, neutral: bool) -> Plan:
+def plan_of(leg: Converter) -> Plan:
     """What the blocks run for a converter.
 
     Parameters
     ----------
-    capacitors : bool
-        Whether phases have capacitors.
-    capacitor_currents : bool
-        Whether their currents, or the signs of these, are needed.
-    neutral : bool
-        Whether there is a neutral point.
+    leg : Converter
+        What it has of capacitors, neutral point and weights counts.
 
     Returns
     -------
     Plan
         ``USUAL`` where all is there.
     """
+    capacitors, neutral = bool(leg.capacitor.any()), bool(leg.neutral.any())
+    capacitor_currents = capacitors or leg.has_signed_weights
+    quarters = round(4 * leg.capacitor_share) or 1
     gone: tuple[str, ...] = () if capacitors else _OF_CAPACITORS
     gone += () if capacitor_currents else _OF_CAPACITOR_CURRENTS
     gone += () if neutral else _OF_NEUTRAL
     programs, registers, steps = PROGRAMS, REGISTERS, (3, 9)
-    if not capacitors and not capacitor_currents:
+    if not capacitor_currents:
         fast = (
             _two_blocks("alpha", "beta", (_HEAD_3[1], _FORCED["forced_link"])),
             _two_blocks("beta", "alpha", (_FORCED["forced_neutral"], _WEIGHT_START)),
@@ -478,13 +491,14 @@ def plan_of(capacitors: bool, capacitor_currents: bool, neutral: bool) -> Plan:
     absent = frozenset(gone)
     return Plan(
         {variant: _without(program, absent) for variant, program in programs.items()},
-        _without(SUCCESSOR, absent),
+        _without(_successor(quarters), absent),
         {
             run: {name: of for name, of in pairs.items() if name not in absent}
             for run, pairs in registers.items()
         },
         absent,
         *steps,
+        SUCCESSOR_SATURATES + _OF_CAPACITORS[3:] * (quarters > 1),
     )
 
 
@@ -575,7 +589,7 @@ def saturates(variant: str, name: str, plan: Plan = USUAL) -> bool:
         False as well where no step of the variant computes it.
     """
     sums = largest_sums(plan.programs[variant])
-    if variant == "fast" and name in SUCCESSOR_SATURATES:
+    if variant == "fast" and name in plan.saturating:
         return True
     return name in sums and sums[name] >> f.RESULT_SHIFT >= 2 ** (result_width(name) - 1)
 

@@ -444,11 +444,15 @@ begin
 
       if (valid(FIRST_ROWS + 1) = '1') then
         -- what the converter does not have is never the worst, nor the first to leave
-        if (HAS_CAPACITORS) then
+        if (HAS_CAPACITORS and HAS_NEUTRAL) then
           worse_late  <= worse(resize(excess_of(entry(2)), WORST_WIDTH), neutral_off);
           worse_early <= worse(worse_pair, resize(current, WORST_WIDTH));
           shortest    := shorter(short_pair, shorter(at_rest(length_of(entry(2)), rests_late(2), limits.horizon),
                                                      at_rest(neutral_far, rests_late(3), limits.horizon)));
+        elsif (HAS_CAPACITORS) then
+          worse_late  <= resize(excess_of(entry(2)), WORST_WIDTH);
+          worse_early <= worse(worse_pair, resize(current, WORST_WIDTH));
+          shortest    := shorter(short_pair, at_rest(length_of(entry(2)), rests_late(2), limits.horizon));
         elsif (HAS_NEUTRAL) then
           worse_late  <= neutral_off;
           worse_early <= resize(current, WORST_WIDTH);

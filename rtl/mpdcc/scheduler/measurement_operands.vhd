@@ -2,8 +2,8 @@
 --
 -- Every quantity is an operand itself. So are the differences
 --   iref - is        of alpha and beta
---   v_dc/4 - v_ph    of each phase
--- The second is v_dc - 2 * v_ph in words, because the LSB of v_dc is twice that of v_ph.
+--   v_dc/4 - v_ph    of each phase, with HALF_CAPACITORS v_dc/2 - v_ph
+-- The second is v_dc - 2 * v_ph in words, or v_dc - v_ph: the LSB of v_dc is twice that of v_ph.
 --
 -- Formats: operands signed, OPERAND_WIDTH bits, OPERAND_* order; the scale is the quantity's own.
 -- Latency: one clock from take.
@@ -15,6 +15,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.converter_leg.half_capacitors;
   use work.directmpc_constants.all;
   use work.mpdcc_types.all;
 
@@ -28,6 +29,9 @@ entity measurement_operands is
 end entity measurement_operands;
 
 architecture rtl of measurement_operands is
+
+  -- bits by which v_ph is shifted beside v_dc
+  constant PH_SHIFT : natural := 1 - boolean'pos(HALF_CAPACITORS);
 
   signal sample : measurement_t;
 
@@ -56,11 +60,11 @@ begin
 
     end procedure put;
 
-    -- difference of two voltages that puts v_dc/4 - v_ph at twice the scale of v_ph
+    -- difference of two voltages: v_dc/4 - v_ph at twice the scale of v_ph, or v_dc/2 - v_ph at the same
     function difference (v_dc, v_ph : unsigned) return signed is
     begin
 
-      return signed(resize(v_dc, OPERAND_WIDTH)) - signed(shift_left(resize(v_ph, OPERAND_WIDTH), 1));
+      return signed(resize(v_dc, OPERAND_WIDTH)) - signed(shift_left(resize(v_ph, OPERAND_WIDTH), PH_SHIFT));
 
     end function difference;
 

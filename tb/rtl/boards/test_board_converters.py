@@ -1,4 +1,4 @@
-"""Boards of other converters over the virtual board: a grid behind a T-type, a PMSM on two levels.
+"""Boards of other converters over the virtual board: T-type, two-level, flying capacitor.
 
 Stimulus: closed loops of plants and boards, lock-step.
 Checks: every decision is the bit-true model's; the guard's gates follow it, without a fault; a
@@ -19,26 +19,23 @@ from directmpc.host import lockstep
 from directmpc.host.board import Board
 from directmpc.host.gate_guard import gates_of
 from directmpc.host.link import LinkError
+from directmpc.mpdcc import tables
 from directmpc.mpdcc.drive import Drive
 from scripts.hdl.virtual_board import VirtualBoard, generics, netlist_of
 
 STEPS = 150
 
 
-def drive_of(name: str, topology: str) -> Drive:
-    drive = load_drive(name)
+@pytest.mark.parametrize("name", ["ttype3l_grid", "two_level_pmsm", "fc3l"])
+def test_a_board_of_a_converter_controls_its_load(name: str, tmp_path: Path) -> None:
+    chosen = generics("mpdcc")
+    if name in tables.NAMES:
+        levels = {"v_ph_high": 1.3, "v_ph_low": 0.6}
+        drive = load_drive("npc3l_3kv3").changed(inverter={"topology": name}, guard=levels)
+    else:
+        drive = load_drive(name)
     assert isinstance(drive, Drive)
-    guard = {"current_limit": 2.0, "link_high": 2.4, "link_low": 1.2, "speed_limit": 2.0}
-    return drive.changed(
-        inverter={"topology": topology}, guard=guard | {"v_n_limit": 0.5, "dead_time": 2e-6}
-    )
-
-
-@pytest.mark.parametrize(
-    ("name", "topology"), [("anpc5l_grid", "ttype3l"), ("anpc5l_pmsm", "two_level")]
-)
-def test_a_board_of_a_converter_controls_its_load(name: str, topology: str, tmp_path: Path) -> None:
-    drive, chosen = drive_of(name, topology), generics("mpdcc")
+    topology = drive.inverter.topology
     verilog = netlist_of(chosen, topology)
     with (
         VirtualBoard(chosen, tmp_path / "board", verilog=verilog) as running,

@@ -68,6 +68,7 @@ _WEIGHT_SHIFTS = np.array(f.WEIGHT_SHIFTS, dtype=np.int64)
 _SCALES, _LOWS, _HIGHS = fixed_point.limits(list(f.MEASUREMENTS.values()))
 
 _REGISTERS = len(INDEX)
+_FIRST_ROW = INDEX["first_row"]
 _BOUND_CURRENT = INDEX["bound_current"]
 _BOUND_NEUTRAL = INDEX["bound_neutral"]
 _BOUND_PHASE = INDEX["bound_phase"]
@@ -207,8 +208,9 @@ def common_terms(program, measurement, register):
     operand[10] = measurement[10]
     operand[11] = measurement[9] - measurement[0]
     operand[12] = measurement[10] - measurement[1]
+    twice = 1 - tables.HALF_CAPACITOR[register[_FIRST_ROW]]
     for x in range(3):
-        operand[13 + x] = measurement[8] - 2 * measurement[5 + x]
+        operand[13 + x] = measurement[8] - (measurement[5 + x] << twice)
     results = np.zeros(N_RESULTS, dtype=np.int64)
     total = np.zeros(N_RESULTS, dtype=np.int64)
     saturated = False

@@ -226,11 +226,12 @@ def successor(register, reference, t, start_slope, s, steps):
         flag |= over
     phase = phases(t[13], t[14])
     neutral = _neutral_slope(s, phases(t[15], t[16]))
+    half = tables.HALF_CAPACITOR[register[_FIRST_ROW]]
     for x in range(3):
         out[3 + x] = t[3 + x] - tables.CAPACITOR_CURRENT[s[x]] * phase[x] * steps
-        out[10 + x], _ = rounded(
-            ((t[8] >> 2) << 14) + out[3 + x] * error_forced, 13, f.FORCED_WIDTH
-        )
+        link = (t[8] >> 2) << (14 + half)
+        out[10 + x], over = rounded(link + out[3 + x] * error_forced, 13, f.FORCED_WIDTH)
+        flag |= over
     out[2] = neutral * steps + t[2]
     out[9], _ = rounded(out[2] * error_forced, 13, f.FORCED_WIDTH)
     out[17], over = rounded(out[2] * change_weight, 13, f.WEIGHT_WIDTH)
