@@ -3,22 +3,49 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
 from directmpc.api.data_sheet import data_sheet, doubts
 from directmpc.api.drive_file import load_drive
+from directmpc.drive_tables import keys_of
 from scripts.shared.command import Command
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("drive", help="drive file, or the name of a shipped one")
+    parser.add_argument(
+        "--file", action="store_true", help="print the file instead, without units: MPDCC per unit"
+    )
+
+
+def _value(value: Any) -> str:
+    """A value in TOML, with eight digits."""
+    if isinstance(value, float):
+        value = float(f"{value:.8g}")
+    return json.dumps(value)
+
+
+def _file(drive: Any) -> str:
+    """The drive as a file."""
+    tables = {name: getattr(drive, name) for name in keys_of(type(drive))}
+    lines = [f"{k} = {_value(v)}" for k, v in tables.items() if not keys_of(type(v))]
+    for name, table in tables.items():
+        values = {key: getattr(table, key) for key in keys_of(type(table))}
+        given = [f"{key} = {_value(v)}" for key, v in values.items() if v is not None]
+        lines += ["", f"[{name}]", *given] if given else []
+    return "\n".join(lines)
 
 
 def _run(given: argparse.Namespace) -> int | None:
     drive = load_drive(given.drive)
+    if given.file:
+        print(_file(drive))
+        return 0
     table = Table(title=f"{given.drive}: {drive.controller}", title_justify="left")
     for name, side in (("", "left"), ("value", "right"), ("SI", "left"), ("usual", "left")):
         table.add_column(name, justify=side)  # type: ignore[arg-type]

@@ -19,7 +19,7 @@ import numpy as np
 
 from directmpc.api.drive_file import load_drive
 from directmpc.kbest import bit_true, ideal
-from directmpc.mpdcc import closed_loop, metrics
+from directmpc.mpdcc import closed_loop, inverter, metrics
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from scripts.hdl import states
@@ -254,7 +254,7 @@ def draw(found: Rows, path: Path) -> None:
     axes.flat[0].set_ylim(1, 11)
     figure.suptitle(
         "K-best, SE and SESE with capacitor bounds of 0.05 and 0.08 pu beside PWM, "
-        "rated current, bit-true models",
+        f"{inverter.IN_WORDS}, rated current, bit-true models",
         fontsize=10,
     )
     save_png(figure, path)

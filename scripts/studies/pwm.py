@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from directmpc.mpdcc import closed_loop, ideal, metrics
+from directmpc.mpdcc import closed_loop, ideal, inverter, metrics
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.closed_loop import OperatingPoint
 from directmpc.mpdcc.coefficients import registers
@@ -349,7 +349,7 @@ def draw(found: Rows, path: Path) -> None:
     axes.flat[0].set_ylim(0.9 * min(axis.dataLim.y0 for axis in axes.flat), 15)
     figure.suptitle(
         "MPDCC with capacitor bounds of 0.05 and 0.08 pu beside phase-disposition PWM, "
-        "rated current\n"
+        f"{inverter.IN_WORDS}, rated current\n"
         "bit-true model of the fast variant, Paper A's rules",
         fontsize=10,
     )

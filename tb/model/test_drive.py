@@ -14,6 +14,7 @@ from directmpc.drive_tables import DriveError, DriveFileError
 from directmpc.loads.induction import InductionMachine
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
+from scripts.commands import drive_info
 from tb.helpers.drives import plain_text
 
 DELAY = "delay_compensation"
@@ -281,3 +282,51 @@ def test_a_drive_that_ships_is_found_by_its_name(
     Path("anpc5l_6kv.toml").write_text(MPTC)  # a file of the user's comes first
     assert isinstance(load_drive("anpc5l_6kv.toml"), MptcDrive)
     assert isinstance(load_drive("anpc5l_6kv"), Drive)
+
+
+IN_SI = {
+    "voltage = 2694.44": 'voltage = "2.69444 kV"', "current = 503.46": 'current = "503.46 A"',
+    "frequency = 50.0": 'frequency = "50 Hz"', "rs = 0.0108": 'rs = "57.8 mohm"',
+    "xls = 0.1493": 'xls = "2.5434mH"', "xm = 2.3489": 'xm = "12.571 ohm"',
+    "vdc = 1.930": 'vdc = "5200 V"', "xdc = 5.0": 'xdc = "2.974 mF"', "ts = 50e-6": 'ts = "50 us"',
+    "current_limit = 1.8": 'current_limit = "906.2 A"',
+    "speed_limit = 1.2": 'speed_limit = "60 Hz"', "bound_vn = 0.08": 'bound_vn = "215.6 V"',
+}  # fmt: skip
+
+
+def test_a_file_may_have_values_with_units(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, path = shipped_drives()["npc3l_3kv3"], tmp_path / "si.toml"
+    for value, other in IN_SI.items():
+        assert text.count(value) == 1, value
+        text = text.replace(value, other)
+    path.write_text(text, encoding="utf-8")
+    found, wanted = load_drive(path).model_dump(), load_drive("npc3l_3kv3").model_dump()
+    for table in ("base", "inverter", "guard", "control"):
+        for key, value in wanted[table].items():
+            same = pytest.approx(value, rel=1e-3) if isinstance(value, float) else value
+            assert found[table][key] == same, key
+    assert found["machine"] == pytest.approx(wanted["machine"], rel=1e-3)
+    assert drive_info.COMMAND.main([str(path), "--file"]) == 0
+    path.write_text(capsys.readouterr().out, encoding="utf-8")
+    again = load_drive(path).model_dump()
+    assert again["machine"] == pytest.approx(found["machine"], rel=1e-7)
+    assert again["control"] == pytest.approx(found["control"], rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("value", "other", "said"),
+    [
+        ("vdc = 1.930", 'vdc = "5.2 kA"', 'inverter.vdc: got "5.2 kA"; it must be a number, or'),
+        ("rs = 0.0108", 'rs = "57.8"', "machine.rs: got .* ohm, with M, k, m or u before it"),
+        ("rs = 0.0108", 'rs = "1.2.3 ohm"', "machine.rs"),
+        ("voltage = 2694.44", 'voltage = "2.7 kHz"', "base.voltage: got .* V, with"),
+        ("vdc = 1.930", 'vdc = "52 kV"', "inverter.vdc: got 19.29.*; .* 1.5 to 2.5 pu"),
+    ],
+)
+def test_a_unit_that_is_wrong(value: str, other: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "si.toml"
+    path.write_text(shipped_drives()["npc3l_3kv3"].replace(value, other), encoding="utf-8")
+    with pytest.raises(DriveFileError, match=said):
+        load_drive(path)

@@ -259,7 +259,7 @@ def test_a_goal_that_is_missed_ends_with_one(
     assert COMMAND.main(["functional", "--out", str(out)]) == 0
     monkeypatch.setattr(goals, "KEPT", tmp_path / "second")
     assert COMMAND.main(["functional", "--out", str(out)]) == 1
-    assert "coverage: two_level: 'MPTC: u_3' 0 times, not" in capsys.readouterr().err
+    assert "coverage: mptc: 'MPTC: u_3' 0 times, not" in capsys.readouterr().err
     with pytest.raises(SystemExit) as refused:
         COMMAND.main(["everything"])
     assert refused.value.code == 2

@@ -28,6 +28,7 @@ from directmpc.drive_tables import (
 from directmpc.loads import KINDS
 from directmpc.mpdcc import tables
 from directmpc.mpdcc.formats import FLUX
+from directmpc.mpdcc.units import per_unit
 
 TS_PU_MIN = 0.006
 TS_PU_MAX = 0.063
@@ -125,6 +126,11 @@ class PerUnitDrive(AnyDrive):
     mechanics: Mechanics = Mechanics()
     inverter: Inverter
     guard: Guard = Guard()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_units(cls, tables: Any) -> Any:
+        return per_unit(tables) if isinstance(tables, Mapping) else tables
 
     @model_validator(mode="after")
     def _check_sampling(self) -> Self:

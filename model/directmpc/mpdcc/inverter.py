@@ -20,6 +20,9 @@ __all__ = ["INADMISSIBLE", "MAX_NEXT"]
 LEG = tables.leg_of(tables.DEFAULT)
 """The converter; the tables below are its."""
 
+IN_WORDS = LEG.title[0].lower() + LEG.title[1:]
+"""Its name, to stand in a sentence."""
+
 POSITIONS = LEG.positions
 """Switch positions of one phase leg."""
 

@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from directmpc.converter import Converter
+from directmpc.converter import Converter, load, names
 from directmpc.mpdcc import formats as f
 
 #: Coefficient ports of the core, in port order; all 16 bits signed.
@@ -739,8 +739,13 @@ def largest_of_blocks(run: str, plan: Plan = USUAL) -> list[int]:
     return found
 
 
-def check_successor() -> None:
-    """Check that the successor's program reads no product before it exists.
+def check_successor(program: Program) -> None:
+    """Check that a successor's program reads no product before it exists.
+
+    Parameters
+    ----------
+    program : tuple of tuple of (Step or None)
+        As ``SUCCESSOR``.
 
     Raises
     ------
@@ -749,13 +754,13 @@ def check_successor() -> None:
     """
     ready = {
         step.result: clock + RESULT_LATENCY
-        for block in SUCCESSOR
+        for block in program
         for clock, step in enumerate(block)
         if step
     }
     # operands that adders outside make of products of this program
     sources = {"secant": "bend_step", "drift": "reference_slope"}
-    for block in SUCCESSOR:
+    for block in program:
         for clock, step in enumerate(block):
             if step is None:
                 continue
@@ -777,13 +782,14 @@ def check_successor() -> None:
                 due = ready[source] + (late if source.startswith("bend_step") else 0)
                 if clock < due:
                     raise ValueError(f"{step.a} is read at {clock}, ready at {due}")
-    if len({len(block) for block in SUCCESSOR}) != 1:
+    if len({len(block) for block in program}) != 1:
         raise ValueError("the successor's blocks differ in length")
 
 
-for _plan in (USUAL, *(plan_of(False, signs, n) for signs in (False, True) for n in (False, True))):
+for _plan in (USUAL, *(plan_of(load(name)) for name in names())):
     for _variant in _plan.programs:
         check_program(_variant, _plan)
     for _run in _plan.registers:
         check_registers(_run, _plan)
-check_successor()
+for _quarters in (1, 2):
+    check_successor(_successor(_quarters))
