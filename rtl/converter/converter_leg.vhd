@@ -30,6 +30,7 @@ package converter_leg is
   constant HAS_CAPACITORS : boolean := true; -- phases have capacitors
   constant HAS_NEUTRAL : boolean := true; -- there is a neutral point
   constant SIGNED_WEIGHTS : boolean := false; -- weights depend on the current's sign
+  constant HALF_CAPACITORS : boolean := false; -- v_ph's reference is v_dc/2, else v_dc/4
 
   type next_positions_t is array (0 to 7, 0 to 3) of natural range 0 to 7;
   type next_last_t is array (0 to 7) of natural range 0 to 3;
