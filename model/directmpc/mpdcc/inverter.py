@@ -60,12 +60,6 @@ The sum of both turn-on counts. Paper A's f_s also takes the current as an argum
 how, hence the first index; both halves are the same.
 """
 
-LOGICAL_DEVICES = LEG.logical_devices
-"""Logical devices of three legs."""
-
-PHYSICAL_DEVICES = LEG.physical_devices
-"""Physical devices of three legs: those in series counted each."""
-
 candidates = LEG.candidates
 """`directmpc.converter.Converter.candidates` of this one."""
 
