@@ -5,7 +5,7 @@
 -- and bit 1 the lower one, position bit 0 '1': upper.
 --
 -- A commutation changes one gate at a time, in an order that shorts nothing, gives the current a way for either sign
--- and moves the output in one step (docs/converters.md). The longest of the checked-in package, 2 to 4 and 3 to 5: S4 off,
+-- and moves the output in one step (docs/converters.md). The longest here, 2 to 4 and 3 to 5: S4 off,
 -- S8 on, S2 off, S3 on, S5 off, S1 on; back the same in reverse. S1, S4, S5 and S8 switch without current.
 -- A stop and a start may take several steps, a dead time apart: gates at the rails go off first and come on last.  All
 -- gates off in one clock would put up to 2.6 times its rating on S5 or S8 of that leg.  A half bridge needs one step.
