@@ -17,6 +17,7 @@ from directmpc.mpdcc import capacitor_observer, leakage, tables
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX
+from directmpc.mpdcc.formats import BOUND_HIGH
 from directmpc.mpdcc.trace import IntArray
 from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import observer as mptc_observer
@@ -64,6 +65,9 @@ class System:
         found = {n: word(self.rng, w.width, signed=w.signed) for n, w in self.words.items()}
         if self.controller == "mpdcc":
             found["horizon"] = max(1, found["horizon"])
+            for name in found:
+                if name.startswith("bound_"):  # a larger one is refused
+                    found[name] = min(found[name], BOUND_HIGH["fast"])
             # the filters remember, a set of parameters does not: see `filtered`
             found |= dict.fromkeys(("f_q_midpoint", "f_q_phase", "l_mode"), 0)
         return found
@@ -165,6 +169,7 @@ async def every_register(system: System) -> None:
     bus, board, rng = system.bus, system.board, system.rng
     held: dict[int, int] = {}
     masks: dict[int, int] = {}
+    bounds = [at for name, (at, _) in MAPS[system.controller].items() if ".bound_" in name]
     for name, (address, fields) in MAPS[system.controller].items():
         if name.startswith("recorder."):  # not built: nobody, below
             continue
@@ -193,9 +198,11 @@ async def every_register(system: System) -> None:
             count = rng.randint(1, 4 - first) if first else rng.choice((1, 3, 4, 4))
             data = rng.randbytes(count)
             found = await bus.master.write(address + first, data)
-            board.check("strobes", int(found.resp), OKAY if count == 4 else SLVERR, hex(address))
-            if count == 4:
-                held[address] = int.from_bytes(data, "little") & masks[address]
+            wanted = int.from_bytes(data, "little") & masks[address]
+            takes = count == 4 and not (address in bounds and wanted > BOUND_HIGH["fast"])
+            board.check("strobes", int(found.resp), OKAY if takes else SLVERR, hex(address))
+            if takes:
+                held[address] = wanted
         for address in rng.sample(sorted(held), len(held)):
             board.check("word", (await bus.read_word(address)), (held[address], OKAY), hex(address))
     map_ = MAPS[system.controller]
