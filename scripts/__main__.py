@@ -10,7 +10,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from directmpc.converter import ConverterError
 from directmpc.host.console import interrupted, reported
 from scripts.shared.command import described
 
@@ -44,7 +43,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         module = importlib.import_module(f"scripts.commands.{known[given[0]].stem}")
         return module.COMMAND.main(given[1:])
-    except ConverterError as error:  # a file of one's own
+    except ValueError as error:
+        from directmpc.converter import ConverterError  # not above: numerics come with it
+
+        if not isinstance(error, ConverterError):
+            raise
         print(f"{given[0]}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:  # before the command itself could take it
