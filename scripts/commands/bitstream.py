@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import replace
 
 from rich.console import Console
 
-from scripts.hdl.boards import BOARDS, BUILDS
+from scripts.hdl.boards import BOARDS, BUILDS, RECORDER_ROWS
 from scripts.measure import bitstream
 from scripts.publish import kept
 from scripts.shared.command import Command, UsageError, count
@@ -23,6 +24,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--jobs", type=count, default=1, help="placements at a time")
     parser.add_argument("--twice", action="store_true", help="build again from nothing and compare")
+    parser.add_argument(
+        "--recorder", type=int, default=0, metavar="ROWS", choices=RECORDER_ROWS,
+        help="with a recorder of so many steps, in build/bitstream/recorder",
+    )  # fmt: skip
     parser.add_argument("--page", action="store_true", help="write reports/bitstreams.md's table")
 
 
@@ -36,8 +41,9 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.board is None:
         raise UsageError("--board is needed")
     console = Console(width=None if sys.stdout.isatty() else 110)
+    board = replace(BOARDS[given.board], recorder=given.recorder)
     found, bit = bitstream.build_all(
-        BOARDS[given.board], given.controller, given.explorers, given.seeds, given.jobs, given.twice
+        board, given.controller, given.explorers, given.seeds, given.jobs, given.twice
     )
     console.print(bitstream.table(found))
     console.print(f"openFPGALoader -b ulx3s {bit}", soft_wrap=True)

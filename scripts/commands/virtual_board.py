@@ -7,6 +7,7 @@ import os
 import shlex
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from directmpc.api.drive_file import load_core_drive
@@ -14,7 +15,7 @@ from directmpc.host.board import SPI
 from directmpc.host.console import terminable
 from directmpc.mpdcc import tables
 from scripts.hdl import virtual_board
-from scripts.hdl.boards import BOARDS, BUILDS
+from scripts.hdl.boards import BOARDS, BUILDS, RECORDER_ROWS
 from scripts.shared import progress
 from scripts.shared.command import Command, UsageError
 from scripts.shared.tools import BUILD
@@ -34,8 +35,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--sensorless", action="store_true", help="mptc: the board can estimate the speed"
     )
     parser.add_argument(
-        "--recorder", type=int, default=0, metavar="ROWS",
-        choices=(0, *(2**n for n in range(3, 11))),
+        "--recorder", type=int, default=0, metavar="ROWS", choices=RECORDER_ROWS,
         help="steps that the recorder keeps: a power of two from 8 to 1024",
     )  # fmt: skip
     parser.add_argument(
@@ -87,9 +87,8 @@ def _run(given: argparse.Namespace) -> int | None:
         recorder=given.recorder,
     )  # fmt: skip
     if given.board:
-        chosen = BOARDS[given.board].generics(build, given.explorers)
-        if given.recorder:
-            chosen["RECORDER_ROWS"] = given.recorder
+        placed = replace(BOARDS[given.board], recorder=given.recorder)
+        chosen = placed.generics(build, given.explorers)
     with progress.busy("virtual board: compiling, a minute the first time"):
         board = virtual_board.VirtualBoard(
             chosen,

@@ -18,6 +18,9 @@ SCK_MHZ = 25
 #: What `board_top` can be built as, and how it is called in tables.
 BUILDS = {"mpdcc": "MPDCC", "mptc": "MPTC", "family": "MPTC family"}
 
+#: Steps that a recorder can keep; 0: none is built.
+RECORDER_ROWS = (0, *(2**n for n in range(3, 11)))
+
 #: Ports of board_top that are vectors, and their widths.
 VECTORS = {"gates": 24, "leds": 4, "held_high": 3}
 
@@ -50,6 +53,7 @@ class Board:
     reconfigured_by: dict[str, str] = field(default_factory=dict)
     #: Options of MPDCC that it has no room for, generics of board_top that are false there.
     left_out: tuple[str, ...] = ()
+    recorder: int = 0  #: Steps that its recorder keeps; 0: it has none.
 
     def core_mhz(self, controller: str) -> float:
         """Clock of the core."""
@@ -65,6 +69,8 @@ class Board:
         }
         if self.pll_mhz:
             found["PLL"] = True
+        if self.recorder:
+            found["RECORDER_ROWS"] = self.recorder
         if controller == "mpdcc":
             found["EXPLORERS"] = explorers
             found |= dict.fromkeys(self.left_out, False)

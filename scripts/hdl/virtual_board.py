@@ -28,7 +28,7 @@ import struct
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from directmpc.mpdcc import tables
@@ -64,7 +64,8 @@ def generics(
     recorder: int = 0,
 ) -> Generics:
     """Build options of a simulated board without a PLL, whose UART is faster than a board's."""
-    found = dict(BOARDS["ulx3s-85f"].generics(controller, explorers))
+    board = replace(BOARDS["ulx3s-85f"], recorder=recorder)
+    found = dict(board.generics(controller, explorers))
     del found["PLL"]
     found["CLOCK_HZ"] = CLOCK_HZ
     found["BAUD"] = CLOCK_HZ // CLOCKS_PER_BIT
@@ -74,8 +75,6 @@ def generics(
         found["FAMILY"] = True
     if sensorless:
         found["SENSORLESS"] = True
-    if recorder:
-        found["RECORDER_ROWS"] = recorder
     return found
 
 

@@ -302,8 +302,9 @@ def build_all(
 ) -> tuple[dict[str, Any], Path]:
     """Build a board's bitstream below build/bitstream, with what is known of it beside it."""
     say = progress.teller("bitstream")
+    kept = FOLDER / "recorder" if board.recorder else FOLDER
     with progress.busy(f"bitstream of {board.name}, {controller}"):
-        found = build(board, controller, explorers, seeds, FOLDER, say, jobs)
+        found = build(board, controller, explorers, seeds, kept, say, jobs)
         if twice:
             with tempfile.TemporaryDirectory(prefix="again-", dir=BUILD) as name:
                 again = build(board, controller, explorers, 1, Path(name), say, anew=True)
@@ -311,7 +312,7 @@ def build_all(
                 raise ToolError(f"{board.name}: two builds differ")
             found["reproduced"] = True
             say("built twice: the same bitstream")
-    bit = FOLDER / f"{_stem(board, controller)}.bit"
+    bit = kept / f"{_stem(board, controller)}.bit"
     tools.write_json(_result(bit), found)
     return found, bit
 

@@ -4,7 +4,7 @@ Sweep: one and two seeds at a time; each clock, each seed, each step of the comp
 Stimulus: reports and configurations as nextpnr writes them, with chosen figures.
 Checks: the worst of all seeds is what is told; a seed that misses a clock, another set of clocks,
 words that differ when unpacked are errors and leave no bitstream; the second build is from a
-conversion of its own; the page's table.
+conversion of its own; a recorder, in a folder of its own; the page's table.
 Does not prove: anything about the real tools, which `make bitstream` runs.
 """
 
@@ -17,8 +17,9 @@ from typing import Any
 
 import pytest
 
+from scripts.commands.bitstream import COMMAND
 from scripts.hdl import conversion as netlist
-from scripts.hdl.boards import BOARDS
+from scripts.hdl.boards import BOARDS, Board
 from scripts.measure import bitstream
 from scripts.shared import tools
 from scripts.shared.tools import ToolError
@@ -122,6 +123,35 @@ def test_a_seed_that_misses_a_clock_is_an_error_and_leaves_no_bitstream(
 def test_a_clock_that_is_missing_in_the_report_is_an_error(flow: Any) -> None:
     with pytest.raises(ToolError, match="clocks"):
         flow(clocks=("clock", "another", "oscillator"))
+
+
+def test_a_recorder_has_a_folder_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    built = []
+
+    def build(
+        board: Board, controller: str, explorers: int, seeds: int, folder: Path, *_: Any
+    ) -> dict:
+        folder.mkdir(exist_ok=True)
+        built.append(board.generics(controller, explorers).get("RECORDER_ROWS"))
+        return {}
+
+    monkeypatch.setattr(bitstream, "FOLDER", tmp_path)
+    monkeypatch.setattr(bitstream, "build", build)
+    monkeypatch.setattr(bitstream, "table", lambda _: "")
+    for more in ([], ["--recorder", "256"]):
+        COMMAND.main(["--board", BOARD.name, *more])
+    assert built == [None, 256]
+    assert [
+        str(path.parent.relative_to(tmp_path)) for path in sorted(tmp_path.rglob("*.json"))
+    ] == [
+        "recorder",
+        ".",
+    ]
+    with pytest.raises(SystemExit, match="2"):
+        COMMAND.main(["--board", BOARD.name, "--recorder", "100"])
+    assert "1024" in capsys.readouterr().err
 
 
 def test_a_word_that_differs_when_unpacked_is_an_error(flow: Any) -> None:
