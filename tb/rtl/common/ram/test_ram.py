@@ -124,7 +124,7 @@ def test_a_combinational_memory_is_none() -> None:
 def test_the_attributes_stand_on_the_memory() -> None:
     text = file_of("ram").read_text(encoding="utf-8")
     assert dict(re.findall(r"attribute (\w+) of memory\s+: signal is (\w+);", text)) == {
-        "ram_style": "STYLE",  # Vivado, XST
+        "ram_style": "XILINX",  # Vivado, XST
         "ramstyle": "QUARTUS",
         "syn_ramstyle": "LATTICE",  # Synplify, LSE
     }
