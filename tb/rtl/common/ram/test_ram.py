@@ -130,11 +130,17 @@ def test_the_attributes_stand_on_the_memory() -> None:
     }
 
 
+# of a memory that may be read while it is written
+READ = """if (read = '1') then
+          word <= memory(to_integer(unsigned(read_address)));
+        end if;"""
+
+
 @pytest.mark.parametrize(
     ("old", "new", "latency", "contents"),
     [
         ("if (write = '1')", "if (true)", 1, ""),
-        ("if (read = '1')", "if (true)", 1, ""),
+        (READ, READ.replace("read = '1'", "true"), 1, ""),
         ("read_word <= word;\n      end if;", "end if;", 2, ""),
         (":= CONTENTS;", ":= not CONTENTS;", 1, CONTENTS),
         ("memory(to_integer(unsigned(write_address)))", "memory(0)", 0, ""),
