@@ -14,7 +14,7 @@ module proof (
   input [15:0] psis_beta, input [15:0] torque_ref, input [14:0] psi_ref, input [2:0] u, input [15:0] psir_alpha,
   input [15:0] psir_beta, input [15:0] v_n, input [15:0] v_ph_a, input [15:0] v_ph_b, input [15:0] v_ph_c,
   input [15:0] iref_alpha, input [15:0] iref_beta, input [15:0] omega_s, input [2:0] s_prev_a, input [2:0] s_prev_b,
-  input [2:0] s_prev_c
+  input [2:0] s_prev_c, input second_clock
 );
 
 `ifdef FLUX_CONTROL
@@ -27,6 +27,7 @@ module proof (
     .s_prev_c(s_prev_c),
 `endif
     .clk(clk), .rst(rst), .enable(enable), .external_trip(external_trip), .start(start), .is_alpha(is_alpha),
+    .second_clock(second_clock),
     .is_beta(is_beta), .omega_r(omega_r), .v_dc(v_dc), .s_axil_awvalid(s_axil_awvalid), .s_axil_awaddr(s_axil_awaddr),
     .s_axil_awprot(s_axil_awprot), .s_axil_wvalid(s_axil_wvalid), .s_axil_wdata(s_axil_wdata),
     .s_axil_wstrb(s_axil_wstrb), .s_axil_bready(s_axil_bready), .s_axil_arvalid(s_axil_arvalid),
