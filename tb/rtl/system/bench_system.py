@@ -60,14 +60,16 @@ class System:
         while await self.bus.read("system.status", "commit_pending"):
             pass
 
+    def any_word(self, name: str) -> int:
+        """A parameter of any content that is taken."""
+        found = word(self.rng, self.words[name].width, signed=self.words[name].signed)
+        return min(found, BOUND_HIGH["fast"]) if name.startswith("bound_") else found
+
     def any_parameters(self) -> dict[str, int]:
         """Parameters of any content, for the model and for the registers."""
-        found = {n: word(self.rng, w.width, signed=w.signed) for n, w in self.words.items()}
+        found = {name: self.any_word(name) for name in self.words}
         if self.controller == "mpdcc":
             found["horizon"] = max(1, found["horizon"])
-            for name in found:
-                if name.startswith("bound_"):  # a larger one is refused
-                    found[name] = min(found[name], BOUND_HIGH["fast"])
             # the filters remember, a set of parameters does not: see `filtered`
             found |= dict.fromkeys(("f_q_midpoint", "f_q_phase", "l_mode"), 0)
         return found

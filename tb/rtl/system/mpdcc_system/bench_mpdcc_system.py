@@ -11,7 +11,7 @@ from directmpc.mpdcc import leakage
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX
 from scripts.hdl import states
-from tb.helpers.scoreboard import arguments, number, word
+from tb.helpers.scoreboard import arguments, number
 from tb.rtl.system.bench_system import NOT_THE_CORE_S, System, near
 
 VOLTAGES = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")
@@ -93,7 +93,7 @@ async def parameters_alone(system: System) -> None:
         for n in range(TRIES):
             base = shipped_words | BESIDE[n % len(BESIDE)]
             m = system.any_measurements() if rng.random() < 0.4 else state_near(system)
-            change = {name: word(rng, about.width, signed=about.signed)}
+            change = {name: system.any_word(name)}
             if name == "horizon":
                 change = {name: rng.randrange(1, 64)}
             elif about.width == 1:
