@@ -46,32 +46,18 @@ COST_MOST = 2**f.COST_WIDTH - 1
 
 
 class Tables(NamedTuple):
-    """The converter in whole numbers, for compiled code.
+    """The converter in whole numbers, for compiled code."""
 
-    Attributes
-    ----------
-    level : (p,)
-        Output level, quarters of v_dc.
-    neutral, capacitor : (p,)
-        Coefficients of v_n and v_ph in the phase voltage.
-    neutral_current, capacitor_current : (p,)
-        n(s) and c(s).
-    count : (p,)
-        Number of neighbours.
-    neighbours : (p, 3)
-        Neighbours, ascending.
-    weight : (2, p, p)
-        Turn-ons: [phase current negative][from][to].
-    """
-
-    level: IntArray
+    level: IntArray  # (p,): Output level, quarters of v_dc
+    # neutral, capacitor: (p,): Coefficients of v_n and v_ph in the phase voltage.
     neutral: IntArray
     capacitor: IntArray
+    # neutral_current, capacitor_current: (p,): n(s) and c(s).
     neutral_current: IntArray
     capacitor_current: IntArray
-    count: IntArray
-    neighbours: IntArray
-    weight: IntArray
+    count: IntArray  # (p,): Number of neighbours
+    neighbours: IntArray  # (p, 3): Neighbours, ascending
+    weight: IntArray  # (2, p, p): Turn-ons: [phase current negative][from][to]
 
 
 def _tables() -> Tables:
@@ -89,40 +75,18 @@ TABLES = _tables()
 
 
 class Parameters(NamedTuple):
-    """All that `decide` knows of a drive.
+    """All that `decide` knows of a drive."""
 
-    Attributes
-    ----------
-    registers : (n,)
-        `Registers.array()`.
-    tables : Tables
-        Of the converter.
-    plan : (H + 1,)
-        The plan: a code of each stage, and 1 where the coming period is an odd one.
-    """
-
-    registers: IntArray
-    tables: Tables
+    registers: IntArray  # (n,): `Registers.array()`
+    tables: Tables  # Of the converter
+    # (H + 1,): The plan: a code of each stage, and 1 where the coming period is an odd one.
     plan: IntArray
 
 
 def parameters_of(drive: KbestDrive) -> Parameters:
-    """Collect the parameters of the model from a drive.
+    """Parameters of the model; every stage keeps its positions, the period is an even one.
 
-    Parameters
-    ----------
-    drive : KbestDrive
-        Validated drive.
-
-    Returns
-    -------
-    found : Parameters
-        Without a plan: every stage keeps its positions, and the period is an even one.
-
-    Raises
-    ------
-    ValueError
-        If a word cannot hold its value; the message names the drive file's key.
+    ValueError names the drive file's key whose word cannot hold its value.
     """
     found = registers(drive)
     return Parameters(found.array(), TABLES, np.full(found.stages + 1, KEEP, dtype=np.int64))
@@ -130,37 +94,13 @@ def parameters_of(drive: KbestDrive) -> Parameters:
 
 @njit
 def summed(total):
-    """Round a sum of products to a word of the stages' terms.
-
-    Parameters
-    ----------
-    total : int
-        With `FRACTION` bits below the LSB.
-
-    Returns
-    -------
-    word, saturated : int
-        As `fixed_point.rounded`.
-    """
+    """Round a sum with `FRACTION` bits below the LSB to a word; and 1 where it saturated."""
     return rounded(total, f.FRACTION, f.FACTOR_WIDTH)
 
 
 @njit
 def turned(vector, turn):
-    """Turn a vector by the angle of a step.
-
-    Parameters
-    ----------
-    vector : ndarray of int64, shape (2,)
-        u and w; replaced.
-    turn : ndarray of int64, shape (3,)
-        1 - cos, sqrt(3) sin, sin / sqrt(3).
-
-    Returns
-    -------
-    saturated : int
-        1 where a component did not fit.
-    """
+    """Turn a vector (u, w) in place by (1 - cos, sqrt(3) sin, sin / sqrt(3)); 1 if it saturated."""
     u, w = vector[0], vector[1]
     vector[0], clip_u = summed((u << f.FRACTION) - turn[0] * u - turn[1] * w)
     vector[1], clip_w = summed((w << f.FRACTION) - turn[0] * w + turn[2] * u)
@@ -169,25 +109,11 @@ def turned(vector, turn):
 
 @njit
 def start_terms(r, words, reference, drift, turn, level):
-    """What all stages begin with: reference, drift of a step, angle of a step, levels.
+    """What all stages begin with: reference, drift, angle and levels; 1 where a word saturated.
 
-    Parameters
-    ----------
-    r : ndarray of int64
-        `Registers.array()`.
-    words : ndarray of int64, shape (13,)
-        Measurements in the order of `formats.MEASUREMENTS`.
-    reference, drift : ndarray of int64, shape (2,)
-        Filled: i*(k) and (exp(j omega_s T_s) - a11) i*(k) - a12 psi(k), u and w.
-    turn : ndarray of int64, shape (3,)
-        Filled: 1 - cos, sqrt(3) sin and sin / sqrt(3) of the angle of a step.
-    level : ndarray of int64, shape (2,)
-        Filled: change of the error by a quarter of v_dc in a stage of one step and of two.
-
-    Returns
-    -------
-    saturated : int
-        1 where a word did not hold its value.
+    Filled: i*(k) and (exp(j omega_s T_s) - a11) i*(k) - a12 psi(k) as u and w; 1 - cos, sqrt(3) sin
+    and sin / sqrt(3) of the angle of a step; change of the error by v_dc/4 in a stage of one and of
+    two steps.
     """
     omega_s, omega_r = words[11] << f.SPEED_SHIFT, words[12] << f.SPEED_SHIFT
     # sin x = x and 1 - cos x = x^2/2
@@ -217,25 +143,10 @@ def start_terms(r, words, reference, drift, turn, level):
 
 @njit
 def stage_terms(r, steps, reference, drift, turn, drift_out, neutral, phase):
-    """Drift and charges of a stage; reference and drift of a step go on to its end.
+    """Drift (u, w) and charges of a stage of 1 or 2 steps; 1 where a word saturated.
 
-    Parameters
-    ----------
-    r : ndarray of int64
-        `Registers.array()`.
-    steps : int
-        1 or 2.
-    reference, drift, turn : ndarray of int64
-        As of `start_terms`; the first two are replaced.
-    drift_out : ndarray of int64, shape (2,)
-        Filled: drift of the whole stage, u and w.
-    neutral, phase : ndarray of int64, shape (3,)
-        Filled: what each phase's charge takes from v_n and adds to v_ph.
-
-    Returns
-    -------
-    saturated : int
-        1 where a word did not hold its value.
+    Reference and drift of a step go on to its end. Charges: what each phase takes from v_n and adds
+    to v_ph.
     """
     u, w = reference[0], reference[1]
     drift_out[0], drift_out[1] = drift[0], drift[1]
@@ -277,21 +188,8 @@ def _ahead(now, before, shift, low):
 def voltage_terms(steps, bound, weight, now, before, low):
     """Cost of a voltage's excess, and what the key adds for where it is going.
 
-    Parameters
-    ----------
-    steps : int
-        1 or 2.
-    bound, weight : int
-        Where the cost begins; exponent of its weight.
-    now, before : int
-        Voltage behind the stage and in front of it.
-    low : int
-        Right shift of the square of the voltage ahead.
-
-    Returns
-    -------
-    cost, ahead : int
-        LSB of the cost.
+    LSB of the cost. `now`, `before`: voltage behind and in front of the stage; `low`: right shift
+    of the square of the voltage ahead; `weight`: exponent.
     """
     over = min(max(0, (now ^ (now >> 63)) - bound), 2**f.EXCESS_WIDTH - 1)
     cost = (over * over) >> (f.EXCESS_SHIFT - weight - (steps - 1))
@@ -302,17 +200,7 @@ def voltage_terms(steps, bound, weight, now, before, low):
 def error_terms(steps, u, w, before_u, before_w):
     """Cost of an error, and what the key adds for where it is going.
 
-    Parameters
-    ----------
-    steps : int
-        1 or 2.
-    u, w, before_u, before_w : int
-        Error behind the stage and in front of it.
-
-    Returns
-    -------
-    cost, ahead : int
-        LSB of the cost.
+    LSB of the cost; errors u and w behind the stage and in front of it.
     """
     shift = f.COST_SHIFT - (steps - 1)
     by_u, by_w = u >> f.SQUARED_SHIFT, w >> f.SQUARED_SHIFT
@@ -323,31 +211,9 @@ def error_terms(steps, u, w, before_u, before_w):
 
 @njit
 def decide_words(parameters, words, s_prev, plan, following):
-    """Decide on the words of the core's ports.
+    """Decide on words (13,): code of the first move, saturated, candidates, key of the plan.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        From `parameters_of`; its plan is not looked at.
-    words : ndarray of int64, shape (13,)
-        Measurements in the order of `formats.MEASUREMENTS`.
-    s_prev : ndarray of int64, shape (3,)
-        Positions s(k-1).
-    plan : ndarray of int64, shape (H + 1,)
-        Plan of the period before; any integers serve.
-    following : ndarray of int64, shape (H + 1,)
-        Filled with the plan for the next period.
-
-    Returns
-    -------
-    code : int
-        Code of the first move.
-    saturated : int
-        1 where a word did not hold its value.
-    candidates : int
-        Children that were evaluated.
-    cost : int
-        Key of the plan found.
+    `plan` (H + 1,) is that of the period before; `following` is filled with the next one.
     """
     r, t = parameters.registers, parameters.tables
     stages, beam = r[_STAGES], r[_BEAM]
@@ -524,15 +390,7 @@ def decide_words(parameters, words, s_prev, plan, following):
 def most_clocks(found: Registers) -> int:
     """Most clocks that a decision of the core takes, from start to valid.
 
-    Parameters
-    ----------
-    found : Registers
-        Of the drive.
-
-    Returns
-    -------
-    clocks : int
-        Whatever the measurements are; docs/specification.md, section 10.8.
+    docs/specification.md, section 10.8.
     """
     # to the first node, and from there to the second stage's: terms of two steps take longer
     first, second = (58, 19) if found.values["short_stages"] > 2 else (65, 33)
@@ -543,26 +401,7 @@ def most_clocks(found: Registers) -> int:
 
 @njit
 def encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r):
-    """Words of the measurement ports for a row.
-
-    Parameters
-    ----------
-    x_m, x_inv : ndarray of float64, shape (4,)
-        Load and inverter state at k, per unit.
-    vdc : float
-        dc-link voltage, per unit.
-    iref : ndarray of float64, shape (2,)
-        Current reference at k, per unit.
-    omega_s, omega_r : float
-        Stator and rotor angular speed, per unit.
-
-    Returns
-    -------
-    words : ndarray of int64, shape (13,)
-        In the order of `formats.MEASUREMENTS`.
-    clipped : int
-        1 where a value lay outside its word.
-    """
+    """Words (13,) of the measurement ports for a row per unit, and 1 where one saturated."""
     real = np.empty(13)
     real[0:4] = x_m
     real[4:8] = x_inv
@@ -574,27 +413,9 @@ def encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r):
 
 @njit
 def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """Decide on the next positions and keep the plan in the parameters.
+    """Decide on the next positions, per unit, and keep the plan in the parameters.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        From `parameters_of`; its plan is replaced.
-    x_m, x_inv : ndarray of float64, shape (4,)
-        Load and inverter state at k, per unit.
-    vdc : float
-        dc-link voltage, per unit.
-    iref : ndarray of float64, shape (2,)
-        Current reference at k, per unit.
-    omega_s, omega_r : float
-        Stator and rotor angular speed, per unit.
-    s_prev : ndarray of int64, shape (3,)
-        Positions s(k-1).
-
-    Returns
-    -------
-    s_a, s_b, s_c, held, deadlock, length, saturated : int
-        Positions to apply; held is 1 if they are s(k-1); the next two are always 0.
+    The signature of `mpdcc.ideal.decide`; held is 1 if they are s(k-1).
     """
     words, clipped = encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r)
     following = np.empty_like(parameters.plan)
@@ -616,22 +437,7 @@ def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 def run(drive: KbestDrive, trace: MpdccTrace) -> Decisions:
     """Decide on every row of a trace, each with the plan of the row before; the first has none.
 
-    Parameters
-    ----------
-    drive : KbestDrive
-        Drive to control.
-    trace : MpdccTrace
-        n rows in the order of time, per unit.
-
-    Returns
-    -------
-    Decisions
-        n rows; no cycles.
-
-    Raises
-    ------
-    ValueError
-        If a word cannot hold its value; the message names the drive file's key.
+    ValueError names the key whose word cannot hold its value.
     """
     parameters = parameters_of(drive)
     out = np.empty((len(trace), 7), np.int64)

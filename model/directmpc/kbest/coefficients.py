@@ -27,49 +27,21 @@ _KEYS = {
 
 @dataclass(frozen=True)
 class Registers:
-    """Register values of a drive.
+    """Register values of a drive."""
 
-    Attributes
-    ----------
-    values
-        Words of `formats.COEFFICIENTS` and `formats.SETTINGS`, by name and in their order.
-    beam, stages
-        K and H: generics of the core.
-    """
-
+    # Words of `formats.COEFFICIENTS` and `formats.SETTINGS`, by name and in their order.
     values: dict[str, int]
+    # beam, stages: K and H: generics of the core.
     beam: int
     stages: int
 
     def array(self) -> NDArray[np.int64]:
-        """The words in the order of the ports, then beam and stages.
-
-        Returns
-        -------
-        ndarray of int64, shape (n,)
-            As `bit_true.parameters_of` takes them.
-        """
+        """The words in the order of the ports, then beam and stages."""
         return np.array([*self.values.values(), self.beam, self.stages], dtype=np.int64)
 
 
 def registers(drive: KbestDrive) -> Registers:
-    """Turn a drive into the words of the core.
-
-    Parameters
-    ----------
-    drive : KbestDrive
-        Validated drive.
-
-    Returns
-    -------
-    Registers
-        Of this drive.
-
-    Raises
-    ------
-    ValueError
-        If a word cannot hold its value; the message names the drive file's key.
-    """
+    """Turn a drive into the words of the core; ValueError names the key that does not fit."""
     only_default(drive)
     c, inverter, ts = drive.control, drive.inverter, drive.ts_pu
     load = drive.machine.matrices

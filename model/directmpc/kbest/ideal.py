@@ -43,91 +43,51 @@ class Converter(NamedTuple):
     """A converter as data, for compiled code; p positions a phase.
 
     The voltage of a phase is dc[s] v_dc + neutral[s] v_n + capacitor[s] v_ph.
-
-    Attributes
-    ----------
-    dc, neutral, capacitor : (p,)
-        Coefficients of the phase voltage.
-    neutral_current, capacitor_current : (p,)
-        n(s) and c(s): how the phase current moves v_n and v_ph; 0 where there is no such capacitor.
-    capacitor_share : float
-        Reference of v_ph, a share of v_dc; 0 where there is none.
-    xdc, xph : float
-        Reactances of a dc-link capacitor and of a phase capacitor, per unit.
-    count : (p,) int
-        Number of neighbours of a position, itself not among them, 1 to 3.
-    neighbours : (p, 3) int
-        Neighbours, ascending.
-    weight : (2, p, p)
-        Turn-ons of a transition: [phase current negative][from][to].
     """
 
+    # dc, neutral, capacitor: (p,): Coefficients of the phase voltage.
     dc: FloatArray
     neutral: FloatArray
     capacitor: FloatArray
+    # neutral_current, capacitor_current: (p,): n(s) and c(s): how the phase current moves v_n and
+    # v_ph; 0 where there is no such capacitor.
     neutral_current: FloatArray
     capacitor_current: FloatArray
-    capacitor_share: float
+    capacitor_share: float  # Reference of v_ph, a share of v_dc; 0 where there is none
+    # xdc, xph: Reactances of a dc-link capacitor and of a phase capacitor, per unit.
     xdc: float
     xph: float
-    count: IntArray
-    neighbours: IntArray
-    weight: FloatArray
+    count: IntArray  # (p,): Number of neighbours of a position, itself not among them, 1 to 3
+    neighbours: IntArray  # (p, 3): Neighbours, ascending
+    weight: FloatArray  # (2, p, p): Turn-ons of a transition: [phase current negative][from][to]
 
 
 class IdealParameters(NamedTuple):
-    """All that `search` knows of a drive, per unit.
+    """All that `search` knows of a drive, per unit."""
 
-    Attributes
-    ----------
-    ts : float
-        Control period.
-    converter, load : Converter, Matrices
-        What is controlled.
-    short, stages : int
-        Stages of one step in an even period, and all stages, H.
-    beam : int
-        K.
-    lambda_u, weight_vn, weight_vph : float
-        Cost of a turn-on, and of the square of an excess.
-    bound_vn, bound_vph : float
-        Where the cost of the excess begins.
-    delay : bool
-        Whether the decision is for k + 1.
-    plan : (H + 1,) int
-        The plan of `decide`: a code of each stage, and 1 where the coming period is an odd one.
-    """
-
-    ts: float
+    ts: float  # Control period
+    # converter, load: What is controlled.
     converter: Converter
     load: Matrices
+    # short, stages: Stages of one step in an even period, and all stages, H.
     short: int
     stages: int
-    beam: int
+    beam: int  # K
+    # lambda_u, weight_vn, weight_vph: Cost of a turn-on, and of the square of an excess.
     lambda_u: float
     weight_vn: float
     weight_vph: float
+    # bound_vn, bound_vph: Where the cost of the excess begins.
     bound_vn: float
     bound_vph: float
-    delay: bool
+    delay: bool  # Whether the decision is for k + 1
+    # (H + 1,): The plan of `decide`: a code of each stage, and 1 where the coming period is an odd
+    # one.
     plan: IntArray
 
 
 def converter_of(leg: converters.Converter, xdc: float, xph: float) -> Converter:
-    """A converter as a table of the search.
-
-    Parameters
-    ----------
-    leg : directmpc.converter.Converter
-        As its file describes it.
-    xdc, xph : float
-        Reactances of a dc-link capacitor and of a phase capacitor, per unit.
-
-    Returns
-    -------
-    Converter
-        Of the tables of `leg`.
-    """
+    """A converter as a table of the search; reactances of its capacitors, per unit."""
     others = [[t for t in row if t != s] for s, row in enumerate(leg.next_positions)]
     neighbours = [row + row[-1:] * (NEIGHBOURS - len(row)) for row in others]
     return Converter(
@@ -146,20 +106,7 @@ def converter_of(leg: converters.Converter, xdc: float, xph: float) -> Converter
 
 
 def parameters_of(drive: KbestDrive, converter: Converter | None = None) -> IdealParameters:
-    """Collect the parameters of the ideal controller from a drive.
-
-    Parameters
-    ----------
-    drive : KbestDrive
-        Validated drive.
-    converter : Converter, optional
-        Another converter than the drive's.
-
-    Returns
-    -------
-    IdealParameters
-        Without a plan: every stage keeps its positions, and the period is an even one.
-    """
+    """Parameters of the ideal controller; every stage keeps its positions, the period is even."""
     c = drive.control
     if converter is None:
         converter = converter_of(drive.converter, drive.inverter.xdc, drive.inverter.xph)
@@ -197,36 +144,11 @@ def _excess(value, bound):
 
 @njit
 def search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, plan, following):
-    """Search the plan of least cost (docs/specification.md, section 10).
+    """The plan of least cost: code of its first move, its key, and the second key.
 
-    Parameters
-    ----------
-    p : IdealParameters
-        From `parameters_of`.
-    x_m : ndarray of float64, shape (4,)
-        Current and flux of the load at k in alpha and beta, per unit.
-    x_inv : ndarray of float64, shape (4,)
-        v_n, v_ph_a, v_ph_b, v_ph_c at k, per unit.
-    vdc : float
-        dc-link voltage, per unit.
-    iref : ndarray of float64, shape (2,)
-        Current reference at k, per unit.
-    omega_s, omega_r : float
-        Stator and rotor angular speed, per unit.
-    s_prev : ndarray of int64, shape (3,)
-        Positions s(k-1).
-    plan : ndarray of int64, shape (H + 1,)
-        As of `IdealParameters`, from the period before; any integers serve.
-    following : ndarray of int64, shape (H + 1,)
-        Filled with the plan for the next period.
-
-    Returns
-    -------
-    code : int
-        Code of the first move.
-    best, second : float
-        Key of the plan found, and the least key of one with another first move; infinite where
-        there is none. Where the second was cut off on the way its key is not known.
+    docs/specification.md, section 10. Per unit; `plan` (H + 1,) is that of the period before,
+    `following` is filled with the next. The second key is the least with another first move,
+    infinite where there is none, not known where it was cut off on the way.
     """
     c = p.converter
     stages, beam = p.stages, p.beam
@@ -398,27 +320,9 @@ def search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, plan, following):
 
 @njit
 def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """Decide on the next positions and keep the plan in the parameters.
+    """Decide on the next positions, per unit, and keep the plan in the parameters.
 
-    Parameters
-    ----------
-    parameters : IdealParameters
-        From `parameters_of`; its plan is replaced.
-    x_m, x_inv : ndarray of float64, shape (4,)
-        As of `search`.
-    vdc : float
-        dc-link voltage, per unit.
-    iref : ndarray of float64, shape (2,)
-        Current reference at k, per unit.
-    omega_s, omega_r : float
-        Stator and rotor angular speed, per unit.
-    s_prev : ndarray of int64, shape (3,)
-        Positions s(k-1).
-
-    Returns
-    -------
-    s_a, s_b, s_c, held, deadlock, length, saturated : int
-        Positions to apply; held is 1 if they are s(k-1). The last three are always 0.
+    The signature of `mpdcc.ideal.decide`; held is 1 if they are s(k-1).
     """
     following = np.empty_like(parameters.plan)
     code, _, _ = search(
@@ -431,22 +335,7 @@ def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 
 @njit
 def moved_by(converter, s_prev, code):
-    """Positions behind a move.
-
-    Parameters
-    ----------
-    converter : Converter
-        Its neighbours count.
-    s_prev : ndarray of int64, shape (3,)
-        Positions before.
-    code : int
-        An admissible code.
-
-    Returns
-    -------
-    s_a, s_b, s_c : int
-        Positions behind it.
-    """
+    """Positions behind a move of an admissible code."""
     s_a, s_b, s_c = s_prev[0], s_prev[1], s_prev[2]
     if code != KEEP:
         phase, m = (code - 1) // NEIGHBOURS, (code - 1) % NEIGHBOURS
@@ -460,20 +349,7 @@ def moved_by(converter, s_prev, code):
 
 
 def run(drive: KbestDrive, trace: MpdccTrace) -> Decisions:
-    """Decide on every row of a trace, each with the plan of the row before; the first has none.
-
-    Parameters
-    ----------
-    drive : KbestDrive
-        Drive to control.
-    trace : MpdccTrace
-        n rows in the order of time, per unit.
-
-    Returns
-    -------
-    Decisions
-        n rows; no cycles, never saturated.
-    """
+    """Decide on every row of a trace, each with the plan of the row before; the first has none."""
     parameters = parameters_of(drive)
     out = np.empty((len(trace), 7), np.int64)
     _run(

@@ -69,25 +69,10 @@ STATE_WORDS = 10
 def coefficients(
     drive: PerUnitDrive, q_midpoint: int | None = None, q_phase: int | None = None
 ) -> dict[str, int]:
-    """Coefficients and gains of the filters for a drive.
+    """Signed words of 16 bits ``COEFFICIENTS``, then ``SHIFTS`` (q, 0 to 7), of a drive's filters.
 
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        Capacitors and control period, and q unless it is given.
-    q_midpoint, q_phase : int, optional
-        Of v_n and of v_ph, 0 to 7; the drive's `capacitor_filter` if not given.
-
-    Returns
-    -------
-    dict of str to int
-        ``COEFFICIENTS``, signed words of 16 bits, then ``SHIFTS``, 0 to 7. Every drive that a drive
-        file can describe fits.
-
-    Raises
-    ------
-    ValueError
-        If a q is not from 0 to 7.
+    q is the drive's `capacitor_filter` unless given. Every drive that a drive file can describe
+    fits.
     """
     q = {}
     for name, given in (("q_midpoint", q_midpoint), ("q_phase", q_phase)):
@@ -109,18 +94,7 @@ def coefficients(
 
 
 def array(words: dict[str, int]) -> IntArray:
-    """What ``coefficients`` gave, as the twin takes it.
-
-    Parameters
-    ----------
-    words : dict of str to int
-        Of ``coefficients``.
-
-    Returns
-    -------
-    ndarray of int64, shape (6,)
-        In the order of ``COEFFICIENTS``, then of ``SHIFTS``.
-    """
+    """What ``coefficients`` gave as an array (6,), as the twin takes it."""
     return np.array([words[name] for name in (*COEFFICIENTS, *SHIFTS)], dtype=np.int64)
 
 
@@ -134,28 +108,10 @@ def _charge(word, factor):
 
 @njit
 def step_words(coefficient, state, m, s, delayed):
-    """One step of the filters of ``state_observer``.
+    """One step of the filters of ``state_observer``: v_n, v_ph_a, v_ph_b, v_ph_c, saturated.
 
-    Parameters
-    ----------
-    coefficient : ndarray of int64, shape (6,)
-        Of ``array``.
-    state : ndarray of int64, shape (10,)
-        See ``STATE_WORDS``; replaced by the next. Zeros after a reset.
-    m : ndarray of int64, shape (6,)
-        is_alpha, is_beta, v_n, v_ph_a, v_ph_b, v_ph_c as the core's ports take them.
-    s : ndarray of int64, shape (3,)
-        Positions, 0 to 7.
-    delayed : int
-        0: they were applied from k-1 to k. 1: they are applied from k on; those that were given at
-        k-1 were applied until now.
-
-    Returns
-    -------
-    v_n, v_ph_a, v_ph_b, v_ph_c : int
-        At k, as the core's ports take them.
-    saturated : int
-        1 where a voltage did not fit its word.
+    `state` (10,) is replaced, zeros after a reset; `m` (6,) is i_alpha, i_beta, v_n and v_ph in
+    words. With `delayed`, s is applied from k on, and what was given at k-1 was applied until now.
     """
     begun = state[9]
     sum_alpha, sum_beta = m[0] + state[4], m[1] + state[5]
@@ -200,19 +156,10 @@ _PLACES = [
 
 @njit
 def step_row(coefficient, state, x, s):
-    """One step in front of a controller that works per unit: v_n and v_ph of a row replaced.
+    """One step per unit: v_n and v_ph of `x` (8,) are replaced; s was applied from k-1 to k.
 
-    Parameters
-    ----------
-    coefficient : ndarray of int64, shape (6,)
-        Of ``array``. Where both q are 0 nothing is changed.
-    state : ndarray of int64, shape (10,)
-        As of ``step_words``.
-    x : ndarray of float64, shape (8,)
-        Measured i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta, v_n, v_ph_a, v_ph_b, v_ph_c, per
-        unit; the voltages become those of the filters.
-    s : ndarray of int64, shape (3,)
-        Positions applied from k-1 to k.
+    x is i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta, v_n, v_ph_a, v_ph_b, v_ph_c. Nothing changes
+    where both q are 0.
     """
     if coefficient[4] == 0 and coefficient[5] == 0:
         return
@@ -226,26 +173,7 @@ def step_row(coefficient, state, x, s):
 
 
 class CapacitorFilter:
-    """The filters of a drive with their state, step by step.
-
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        Capacitors, control period and gain.
-
-    Attributes
-    ----------
-    active : bool
-        Whether the drive has filters.
-    delayed : int
-        1 where the drive compensates a delay.
-    coefficient : ndarray of int64, shape (6,)
-        Of ``array``.
-    state : ndarray of int64, shape (10,)
-        As of ``step_words``.
-    first_row : int
-        Of the converter in ``tables``.
-    """
+    """The filters of a drive with their state, step by step. `state` as of ``step_words``."""
 
     def __init__(self, drive: PerUnitDrive) -> None:
         self.active = drive.control.capacitor_filter > 0
@@ -255,32 +183,14 @@ class CapacitorFilter:
         self.first_row = tables.base_of(drive.inverter.topology)
 
     def row(self, x: NDArray[np.float64], s: IntArray) -> None:
-        """One step per unit, in place.
-
-        Parameters
-        ----------
-        x : ndarray of float64, shape (8,)
-            As of ``step_row``.
-        s : ndarray of int64, shape (3,)
-            Positions applied from k-1 to k.
-        """
+        """One step per unit, in place, as ``step_row``."""
         step_row(self.coefficient, self.state, x, np.asarray(s, dtype=np.int64) + self.first_row)
 
     def voltages(self, words: Sequence[int], s: Sequence[int]) -> list[float]:
-        """One step on the words of the core's measurement ports.
+        """One step on words of the core's ports: v_n, v_ph_a, v_ph_b, v_ph_c, per unit.
 
-        Parameters
-        ----------
-        words : sequence of int, length 13
-            In the order of ``formats.MEASUREMENTS``.
-        s : sequence of int, length 3
-            s(k-1), as the core gets it. With delay compensation these positions are applied from
-            now on, and those of the step before were until now.
-
-        Returns
-        -------
-        list of float, length 4
-            v_n, v_ph_a, v_ph_b, v_ph_c, per unit.
+        s is s(k-1), as the core gets it. With delay compensation it is applied from now on, and
+        that of the step before was until now.
         """
         m = np.array([words[n] for n in _PLACES], dtype=np.int64)
         positions = np.array(s, dtype=np.int64) + self.first_row
@@ -288,20 +198,7 @@ class CapacitorFilter:
         return [float(word) / float(scale) for word, scale in zip(found, _SCALES[2:], strict=False)]
 
     def rows(self, x: NDArray[np.float64], s: IntArray) -> NDArray[np.float64]:
-        """Steps one after the other.
-
-        Parameters
-        ----------
-        x : ndarray of float64, shape (n, 8)
-            As of ``step_row``; not changed.
-        s : ndarray of int64, shape (n, 3)
-            Positions applied until each of them.
-
-        Returns
-        -------
-        ndarray of float64, shape (n, 8)
-            With the voltages of the filters.
-        """
+        """A copy of rows (n, 8) with filtered voltages; s (n, 3) was applied until each of them."""
         found = x.copy()
         for row, positions in zip(found, s, strict=True):
             self.row(row, positions)
@@ -323,26 +220,7 @@ def step_ideal(
     measured: IdealState,
     s: IntArray,
 ) -> IdealState:
-    """One step in float64, per unit.
-
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        Capacitors and control period.
-    q_midpoint, q_phase : int
-        Exponents of the gains.
-    state : IdealState or None
-        At k-1; None: there is none yet.
-    measured : IdealState
-        At k.
-    s : ndarray of int64, shape (3,)
-        Positions applied from k-1 to k.
-
-    Returns
-    -------
-    IdealState
-        At k.
-    """
+    """One step in float64, per unit; s was applied from k-1 to k. The first takes `measured`."""
     if state is None:
         return measured
     mean = 0.5 * (state.currents + measured.currents)

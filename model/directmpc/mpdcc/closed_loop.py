@@ -82,23 +82,14 @@ class OperatingPoint:
 
 @dataclass(frozen=True)
 class Profile:
-    """What the controller is asked for and what the load does, step by step, per unit.
+    """What the controller is asked for and what the load does, step by step, per unit."""
 
-    Attributes
-    ----------
-    start : SteadyState
-        Where the run starts.
-    omega_s, omega_r, vdc : (n,)
-        Stator and rotor speed and dc-link voltage.
-    iref : (n,) complex
-        Current reference in alpha-beta.
-    """
-
-    start: SteadyState
+    start: SteadyState  # Where the run starts
+    # omega_s, omega_r, vdc: (n,): Stator and rotor speed and dc-link voltage.
     omega_s: FloatArray
     omega_r: FloatArray
     vdc: FloatArray
-    iref: ComplexArray
+    iref: ComplexArray  # (n,): Current reference in alpha-beta
 
     def __len__(self) -> int:
         return len(self.omega_s)
@@ -142,31 +133,11 @@ def ramp_profile(
     end: int,
     phase: float = 0.0,
 ) -> Profile:
-    """Go from one operating point to another.
+    """Go from one operating point to another, linearly between the steps `begin` and `end`.
 
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        Its machine tells speeds and currents of the points; its v_dc is constant.
-    start, stop : OperatingPoint
-        Before `begin` and from `end` on; in between both speeds and the current (in the frame of
-        the rotor flux) change linearly. ``end <= begin`` makes a step at `begin`.
-    steps : int
-        Length of the profile, control steps.
-    begin, end : int
-        Steps at which the change begins and ends.
-    phase : float
-        Angle of the reference at the start, rad.
-
-    Returns
-    -------
-    Profile
-        `steps` steps.
-
-    Raises
-    ------
-    ValueError
-        If a point has no steady state.
+    Both speeds and the current in the frame of the rotor flux change; ``end <= begin`` makes a
+    step. `phase` is that of the reference at the start, rad. ValueError if a point has no steady
+    state.
     """
     first, last = start.steady_state(drive.machine), stop.steady_state(drive.machine)
     k = np.arange(steps)
@@ -189,106 +160,56 @@ def ramp_profile(
 
 @dataclass(frozen=True)
 class ShadowCount:
-    """How a second controller would have decided on the same states.
+    """How a second controller would have decided on the same states."""
 
-    Attributes
-    ----------
-    steps, differing
-        All control steps, and those where the decisions differ.
-    held, held_differing
-        Steps in which the first controller held, and those of them that differ.
-    searched, searched_differing
-        Steps in which the first controller searched, and those of them that differ.
-    deadlocks
-        Steps in which the first controller was in a deadlock.
-    near_ties
-        Differing steps that the first controller decided by less than the tolerance given.
-    """
-
+    # steps, differing: All control steps, and those where the decisions differ.
     steps: int
     differing: int
+    # held, held_differing: Steps in which the first controller held, and those of them that differ.
     held: int
     held_differing: int
+    # searched, searched_differing: Steps in which the first controller searched, and those of them
+    # that differ.
     searched: int
     searched_differing: int
-    deadlocks: int
+    deadlocks: int  # Steps in which the first controller was in a deadlock
+    # Differing steps that the first controller decided by less than the tolerance given.
     near_ties: int
 
 
 @dataclass(frozen=True)
 class ClosedLoopResult:
-    """A recorded run; every array has one row per recorded step.
+    """A recorded run; every array has one row per recorded step."""
 
-    Attributes
-    ----------
-    ts
-        Sampling interval, per unit.
-    state : (n + 1, 8)
-        Plant state at each step and after the last (see `plant`).
-    positions : (n + 1, 3)
-        Positions applied before the first step, then during each step.
-    shown : (n, 8)
-        What was measured, with the voltages of the capacitor filters where the drive has them.
-    seen : MpdccTrace
-        What the controller saw: `shown`, or that one step on where the loop compensates a delay.
-    decisions : Decisions
-        What it decided; with a delay, row k is applied in step k + 1.
-    shadow : Decisions or None
-        What the shadow controller would have decided on the same inputs.
-    profile : Profile
-        References and speeds of the recorded steps.
-    theta : (n,) or None
-        The estimate of the leakage where the loop has one.
-    leg : Converter
-        Whose positions they are.
-    """
-
-    ts: float
-    state: FloatArray
+    ts: float  # Sampling interval, per unit
+    state: FloatArray  # (n + 1, 8): Plant state at each step and after the last (see `plant`)
+    # (n + 1, 3): Positions applied before the first step, then during each step.
     positions: IntArray
+    # (n, 8): What was measured, with the voltages of the capacitor filters where the drive has
+    # them.
     shown: FloatArray
+    # What the controller saw: `shown`, or that one step on where the loop compensates a delay.
     seen: MpdccTrace
-    decisions: Decisions
-    shadow: Decisions | None
-    profile: Profile
-    theta: FloatArray | None = None
-    leg: Converter = _USUAL
+    decisions: Decisions  # What it decided; with a delay, row k is applied in step k + 1
+    shadow: Decisions | None  # What the shadow controller would have decided on the same inputs
+    profile: Profile  # References and speeds of the recorded steps
+    theta: FloatArray | None = None  # (n,): The estimate of the leakage where the loop has one
+    leg: Converter = _USUAL  # Whose positions they are
 
     def __len__(self) -> int:
         return len(self.decisions)
 
     def trace(self) -> MpdccTrace:
-        """Return what the controller saw, ready for `trace.write_trace`.
-
-        Returns
-        -------
-        MpdccTrace
-            n rows, per unit.
-        """
+        """What the controller saw, n rows per unit, ready for `trace.write_trace`."""
         return self.seen
 
     def shadow_count(
         self, reference: ideal.IdealParameters | None = None, tolerance: float = 1e-3
     ) -> ShadowCount:
-        """Count where the shadow decides differently.
+        """Count where the shadow decides differently; ValueError without a shadow.
 
-        Parameters
-        ----------
-        reference : IdealParameters, optional
-            Ideal parameters to judge near ties with; none are counted without.
-        tolerance : float
-            A near tie is a search whose two cheapest candidates differ by at most this share of the
-            cheaper one's cost.
-
-        Returns
-        -------
-        ShadowCount
-            Of all recorded steps.
-
-        Raises
-        ------
-        ValueError
-            If the run had no shadow.
+        A near tie is a search whose two cheapest candidates differ by at most `tolerance` times the
+        cheaper one's cost; `reference` judges it, and without it none are counted.
         """
         if self.shadow is None:
             raise ValueError("the run had no shadow controller")
@@ -316,65 +237,35 @@ class ClosedLoopResult:
 
 
 class Switches(NamedTuple):
-    """Inverter and load of a loop, for compiled code; `dead` and `rest` where there is a dead time.
+    """Inverter and load for compiled code; `dead` and `rest` where there is a dead time."""
 
-    Attributes
-    ----------
-    plant, dead, rest : PlantData
-        Over a control period, over the dead time, and over the rest of the period.
-    dead_time : bool
-        Whether there is one.
-    """
-
+    # plant, dead, rest: Over a control period, over the dead time, and over the rest of the period.
     plant: PlantData
     dead: PlantData
     rest: PlantData
-    dead_time: bool
+    dead_time: bool  # Whether there is one
 
 
 class Timing(NamedTuple):
-    """When a decision takes effect, for compiled code.
+    """When a decision takes effect, for compiled code."""
 
-    Attributes
-    ----------
-    delay : bool
-        Whether a step later.
-    compensate : bool
-        Whether the controller is shown the state of that step then, by the `predictor`.
-    predictor : PredictorParameters
-        Of `ideal.predictor_parameters`.
-    """
-
-    delay: bool
+    delay: bool  # Whether a step later
+    # Whether the controller is shown the state of that step then, by the `predictor`.
     compensate: bool
-    predictor: Any
+    predictor: Any  # Of `ideal.predictor_parameters`
 
 
 class Recorded(NamedTuple):
-    """What a loop fills; n steps.
+    """What a loop fills; n steps."""
 
-    Attributes
-    ----------
-    states : ndarray of float64, shape (n + 1, 8)
-        Of the plant.
-    positions : ndarray of int64, shape (n + 1, 3)
-        Applied until now.
-    shown, seen : ndarray of float64, shape (n, 8)
-        What was measured, and what the controller saw.
-    before : ndarray of int64, shape (n, 3)
-        Positions that the controller was told.
-    reference : ndarray of float64, shape (n, 2)
-        Current reference that it saw.
-    decided, wished : ndarray of int64, shape (n, 7)
-        Decisions of the controller and of the shadow.
-    """
-
-    states: FloatArray
-    positions: IntArray
+    states: FloatArray  # (n + 1, 8): Of the plant
+    positions: IntArray  # (n + 1, 3): Applied until now
+    # shown, seen: (n, 8): What was measured, and what the controller saw.
     shown: FloatArray
     seen: FloatArray
-    before: IntArray
-    reference: FloatArray
+    before: IntArray  # (n, 3): Positions that the controller was told
+    reference: FloatArray  # (n, 2): Current reference that it saw
+    # decided, wished: (n, 7): Decisions of the controller and of the shadow.
     decided: IntArray
     wished: IntArray
 
@@ -457,33 +348,20 @@ _loop = njit(kept=False)(_steps)
 
 
 class Estimators(NamedTuple):
-    """Observer of the rotor flux and estimate of the leakage of a loop, for compiled code.
+    """Observer of the rotor flux and estimate of the leakage of a loop, for compiled code."""
 
-    Attributes
-    ----------
-    use_flux, use_leakage : bool
-        Whether they are there.
-    flux_from : int
-        First step of the observer.
-    flux, flux_state : ndarray of int64
-        As of `observer.step_words`.
-    leakage, leakage_state : ndarray of int64
-        As of `leakage.step_words`.
-    theta : ndarray of int64, shape (n,)
-        Filled: theta of each step, 16 fractional bits.
-    given : ndarray of int64, shape (p,)
-        Parameters of the controller for theta = 1.
-    """
-
+    # use_flux, use_leakage: Whether they are there.
     use_flux: bool
     use_leakage: bool
-    flux_from: int
+    flux_from: int  # First step of the observer
+    # flux, flux_state: As of `observer.step_words`.
     flux: IntArray
     flux_state: IntArray
+    # leakage, leakage_state: As of `leakage.step_words`.
     leakage: IntArray
     leakage_state: IntArray
-    theta: IntArray
-    given: IntArray
+    theta: IntArray  # (n,): Filled: theta of each step, 16 fractional bits
+    given: IntArray  # (p,): Parameters of the controller for theta = 1
 
 
 @njit
@@ -524,22 +402,7 @@ def _no_shadow(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 
 
 def nearest_positions(leg: Converter, voltage: complex, vdc: float) -> IntArray:
-    """Positions whose levels come nearest to a stator voltage, the first of each level.
-
-    Parameters
-    ----------
-    leg : Converter
-        Whose levels.
-    voltage : complex
-        Stator voltage, per unit.
-    vdc : float
-        dc-link voltage, per unit.
-
-    Returns
-    -------
-    ndarray of int64, shape (3,)
-        Numbers of the positions.
-    """
+    """Positions (3,) with levels nearest to a stator voltage per unit, the first of each level."""
     phases = [(voltage * cmath.exp(-2j * cmath.pi / 3 * x)).real for x in range(3)]
     # halfway to the even one
     wanted = np.rint(np.array(phases) / (vdc / 4) / _step(leg)) * _step(leg)
@@ -596,22 +459,7 @@ def _per_unit(drive: PerUnitDrive, errors: DriveErrors) -> float:
 
 
 def rippled(drive: PerUnitDrive, profile: Profile, errors: DriveErrors) -> FloatArray:
-    """The dc-link voltage of a profile with its ripple.
-
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        Its control period counts.
-    profile : Profile
-        n steps.
-    errors : DriveErrors
-        Its ripple counts.
-
-    Returns
-    -------
-    ndarray of float64, shape (n,)
-        Per unit.
-    """
+    """The dc-link voltage of n steps with its ripple, per unit."""
     if errors.ripple == 0.0:
         return profile.vdc
     angle = 6.0 * drive.ts_pu * np.arange(len(profile))
@@ -638,59 +486,16 @@ def simulate(
     observed_from: int = 0,
     leakage_estimate: bool | None = None,
 ) -> ClosedLoopResult:
-    """Run a controller in closed loop with the exact plant.
+    """Run a compiled controller (as `ideal.decide`) in closed loop with the exact plant.
 
-    The drive's capacitor filters stand in front of it.
-
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        What the controller is set up for; also what references and speeds are computed from.
-    decide, parameters : compiled function and record
-        Compiled controller with the arguments and results of `ideal.decide`, and its first one.
-    point : OperatingPoint or Profile
-        Constant operating point, or a profile of at least ``settle + steps`` steps.
-    steps : int
-        Control steps to record.
-    settle : int
-        Steps to run before those, not recorded.
-    seed : int
-        Of the angle at the start (operating points only) and the disturbance.
-    disturbance : float
-        Standard deviation of what is added to the steady state's currents and capacitor voltages
-        at the start, per unit.
-    plant_drive : PerUnitDrive, optional
-        Machine and inverter of the plant if they differ from the controller's; ts is the drive's.
-    shadow, shadow_parameters : compiled function and record, optional
-        Second controller that decides on the same inputs without effect.
-    delay : bool
-        Whether a decision takes effect one step after the state it is based on.
-    compensate : bool
-        With `delay`: whether the controller is shown the state its model predicts for the step in
-        which the decision takes effect, rather than the measured one.
-    errors : DriveErrors
-        Of sensors and switches; none unless given.
-    flux_observer : bool
-        Whether the controller sees the rotor flux of the bit-true observer, which begins at the
-        plant's, in place of the plant's.
-    observed_from : int
-        First step of the observer. With 1 the controller sees the plant's flux in the first step,
-        and the observer goes on from it; with 0 it begins a step behind.
-    leakage_estimate : bool, optional
-        Whether the bit-true estimate of the leakage scales the controller's coefficients. Only for
-        a bit-true controller, whose `parameters` are ``Registers.array()``; the drive says it for
-        such a one if it is not given.
-
-    Returns
-    -------
-    ClosedLoopResult
-        `steps` recorded steps.
-
-    Raises
-    ------
-    ValueError
-        If steps or settle do not make sense, a profile is too short, or the estimate is wanted for
-        another controller.
+    The drive's capacitor filters stand in front of it. `steps` are recorded after `settle`. `seed`
+    is that of the angle and of the `disturbance` at the start, a standard deviation per unit. The
+    shadow decides on the same inputs without effect. With `delay` a decision takes effect one step
+    later; with `compensate` the controller then sees the state predicted for that step. With
+    `flux_observer` it sees the bit-true observer's flux: with `observed_from` 1 the observer begins
+    at the plant's flux of the first step, with 0 a step before. `leakage_estimate` scales the
+    coefficients of a bit-true controller, by default where the drive says so. ValueError where the
+    arguments contradict each other.
     """
     total = settle + steps
     if leakage_estimate is None:
@@ -818,44 +623,10 @@ def drive_controller(
 ) -> ClosedLoopResult:
     """Run any controller in closed loop with the exact plant, step by step in Python.
 
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        What references and speeds are computed from.
-    controller : Controller
-        Asked once per step, with an `MpdccState`.
-    profile : Profile
-        At least ``settle + steps`` steps.
-    steps, settle : int
-        Control steps to record, and to run before those.
-    plant_drive : PerUnitDrive, optional
-        Machine and inverter of the plant if they are not the drive's; ts is the drive's.
-    delay : bool
-        Whether a decision takes effect one step after the state it is based on.
-    checked : bool
-        Whether a transition that the inverter does not have ends the run.
-    filtered : bool
-        Whether the drive's capacitor filters stand in front of the controller; false where it has
-        its own, as a board has.
-    errors : DriveErrors
-        Of sensors and switches; none unless given.
-    flux_observer : bool
-        Whether the controller sees the rotor flux of the bit-true observer, which goes on from the
-        plant's in the first step, in place of the plant's.
-    progress : callable, optional
-        Called with the number of decisions made.
-    outer : object with the methods of `_OuterLoop`, optional
-        Makes references and speed of `profile` as the run goes on.
-
-    Returns
-    -------
-    ClosedLoopResult
-        `steps` recorded steps, without a shadow.
-
-    Raises
-    ------
-    StateError
-        If an answer is no decision, or with `checked` a transition that the inverter does not have.
+    It is asked with an `MpdccState`. `plant_drive` is the plant's where it differs, with the
+    drive's ts. `checked` refuses a transition that the inverter does not have. `filtered` is false
+    where a board has filters of its own. `progress` is told the number of decisions, `outer` makes
+    references and speed as the run goes on. StateError if an answer is no decision.
     """
     total, leg = settle + steps, drive.converter
     real, made = plant_drive or drive, 0

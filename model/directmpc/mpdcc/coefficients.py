@@ -67,61 +67,31 @@ ROOM = 2.0
 
 @dataclass(frozen=True)
 class Registers:
-    """Run-time parameters of ``mpdcc_core`` as integers.
+    """Run-time parameters of ``mpdcc_core`` as integers."""
 
-    Attributes
-    ----------
-    coefficients : dict of int
-        One signed 16-bit value per name of ``common_terms.COEFFICIENTS``.
-    bound_current, bound_neutral, bound_phase : int
-        Half widths in trajectory units, unsigned 16 bits.
-    horizon : int
-        N in steps, 1..63.
-    weight_scale : int
-        Index into ``formats.WEIGHT_FRACTIONS``.
-    two_switchings : int
-        1 for the switching horizon SESE, fast variant alone.
-    budget : int
-        Candidates of the second level that may be looked at, 0 without limit.
-    compensate : int
-        1 to decide for k+1, fast variant alone.
-    deadlock_rule : int
-        1 for the weighted rule in deadlocks, fast variant alone.
-    outside_inwards : int
-        1 for the rule "inwards" of what starts outside its bound, fast variant alone.
-    unit : float
-        U, trajectory units per unit; for reports only, no register.
-    extrapolation : int
-        L in steps that the correction p was fitted for; for reports only.
-    correction : float
-        p; for reports only.
-    converter : str
-        Whose tables the core has.
-    """
-
+    # One signed 16-bit value per name of ``common_terms.COEFFICIENTS``.
     coefficients: dict[str, int]
+    # bound_current, bound_neutral, bound_phase: Half widths in trajectory units, unsigned 16 bits.
     bound_current: int
     bound_neutral: int
     bound_phase: int
-    horizon: int
-    weight_scale: int
-    two_switchings: int
-    budget: int
-    compensate: int
-    deadlock_rule: int
+    horizon: int  # N in steps, 1..63
+    weight_scale: int  # Index into ``formats.WEIGHT_FRACTIONS``
+    two_switchings: int  # 1 for the switching horizon SESE, fast variant alone
+    budget: int  # Candidates of the second level that may be looked at, 0 without limit
+    compensate: int  # 1 to decide for k+1, fast variant alone
+    deadlock_rule: int  # 1 for the weighted rule in deadlocks, fast variant alone
+    # 1 for the rule "inwards" of what starts outside its bound, fast variant alone.
     outside_inwards: int
-    unit: float
-    extrapolation: int
-    correction: float
-    converter: str = tables.DEFAULT
+    unit: float  # U, trajectory units per unit; for reports only, no register
+    extrapolation: int  # L in steps that the correction p was fitted for; for reports only
+    correction: float  # p; for reports only
+    converter: str = tables.DEFAULT  # Whose tables the core has
 
     def ports(self) -> dict[str, int]:
         """Every parameter port of the core: name -> integer, in port order.
 
-        Returns
-        -------
-        dict of str to int
-            Coefficients are signed, with ``c_`` before their name; all others unsigned.
+        Coefficients are signed, with ``c_`` before their name; all others unsigned.
         """
         return {
             **{f"c_{name}": self.coefficients[name] for name in COEFFICIENTS},
@@ -129,62 +99,23 @@ class Registers:
         }
 
     def array(self) -> NDArray[np.int64]:
-        """``ports`` and ``BUILT`` as an array, for compiled code.
-
-        Returns
-        -------
-        ndarray of int64
-            Places of the names are in ``INDEX``.
-        """
+        """``ports`` and ``BUILT`` as an array, for compiled code. ``INDEX`` has the places."""
         built = tables.base_of(self.converter)
         return np.array([*self.ports().values(), built], dtype=np.int64)
 
 
 def second_level(values: NDArray[np.int64]) -> bool:
-    """Whether register values, ``Registers.array()`` or rows of it, need SECOND_LEVEL built in.
-
-    Parameters
-    ----------
-    values : ndarray of int64, shape (p,) or (n, p)
-        ``Registers.array()``, or n rows of it.
-
-    Returns
-    -------
-    bool
-        True where a row sets ``two_switchings`` or ``compensate``.
-    """
+    """Whether ``Registers.array()``, or a row of n of them, needs SECOND_LEVEL built in."""
     return _any(values, "two_switchings", "compensate")
 
 
 def weighted_deadlock(values: NDArray[np.int64]) -> bool:
-    """Whether register values need WEIGHTED_DEADLOCK built in.
-
-    Parameters
-    ----------
-    values : ndarray of int64, shape (p,) or (n, p)
-        ``Registers.array()``, or n rows of it.
-
-    Returns
-    -------
-    bool
-        True where a row sets ``deadlock_rule``.
-    """
+    """Whether ``Registers.array()``, or a row of n of them, needs WEIGHTED_DEADLOCK built in."""
     return _any(values, "deadlock_rule")
 
 
 def inwards(values: NDArray[np.int64]) -> bool:
-    """Whether register values need INWARDS built in.
-
-    Parameters
-    ----------
-    values : ndarray of int64, shape (p,) or (n, p)
-        ``Registers.array()``, or n rows of it.
-
-    Returns
-    -------
-    bool
-        True where a row sets ``outside_inwards``.
-    """
+    """Whether ``Registers.array()``, or a row of n of them, needs INWARDS built in."""
     return _any(values, "outside_inwards")
 
 
@@ -293,19 +224,7 @@ def _rounded_bounds(bounds: Sequence[float], errors: Iterable[float], unit: floa
 def bounds_fit(unit: float, high: float, *bounds_and_errors: float) -> float:
     """A unit, a little coarser where a bound in the rounded gain of its error is above the word.
 
-    Parameters
-    ----------
-    unit : float
-        In which they fit but for the gain.
-    high : float
-        Largest word of a bound.
-    *bounds_and_errors : float
-        Three bounds, then their errors' coefficients, per 1/`unit`.
-
-    Returns
-    -------
-    float
-        At most `unit`.
+    Three bounds, then their errors' coefficients per 1/`unit`; `high` is the largest word.
     """
     while max(_rounded_bounds(bounds_and_errors[:3], bounds_and_errors[3:], unit)) > high:
         unit *= 1.0 - 2.0**-16
@@ -348,20 +267,11 @@ def _successor(
 
 @dataclass(frozen=True)
 class Unrounded:
-    """Register values before they are rounded; names as in ``Registers``.
+    """Register values before they are rounded; names as in ``Registers``."""
 
-    Attributes
-    ----------
-    coefficients : dict of float
-        One value per name of ``common_terms.COEFFICIENTS``.
-    bounds : tuple of float
-        Half widths of currents, v_n and v_ph, trajectory units.
-    weight_scale, unit, extrapolation, correction
-        As in ``Registers``.
-    """
-
-    coefficients: dict[str, float]
-    bounds: tuple[float, float, float]
+    coefficients: dict[str, float]  # One value per name of ``common_terms.COEFFICIENTS``
+    bounds: tuple[float, float, float]  # Half widths of currents, v_n and v_ph, trajectory units
+    # weight_scale, unit, extrapolation, correction: As in ``Registers``.
     weight_scale: int
     unit: float
     extrapolation: int
@@ -369,27 +279,10 @@ class Unrounded:
 
 
 def unrounded(drive: Drive, variant: str, room: float = 1.0) -> Unrounded:
-    """Register values of a drive in full precision (Paper A, eqs. 2, 9 and 14).
+    """Register values in full precision, LSB and trajectory units (Paper A, eqs. 2, 9 and 14).
 
-    Parameters
-    ----------
-    drive : Drive
-        Validated drive file.
-    variant : str
-        "paper" or "fast": which explorers the core has.
-    room : float
-        Factor by which ``CURRENT_SLOPES`` may grow at run time; ``ROOM`` at least where the drive
-        has an estimate of the leakage.
-
-    Returns
-    -------
-    Unrounded
-        Coefficients in LSB of their ports, bounds in trajectory units.
-
-    Raises
-    ------
-    ValueError
-        Where a value cannot be represented; the message names the drive file's key.
+    `room` is what ``CURRENT_SLOPES`` may grow by at run time, ``ROOM`` at least with an estimate of
+    the leakage. ValueError names the drive file's key that cannot be represented.
     """
     prediction, length, correction = _prediction(drive, variant)
     real = _per_unit(drive, prediction)
@@ -422,20 +315,7 @@ def unrounded(drive: Drive, variant: str, room: float = 1.0) -> Unrounded:
 
 
 def refuse_unserved(drive: Drive, variant: str) -> None:
-    """Refuse a drive that asks for what the explorers of a variant cannot do.
-
-    Parameters
-    ----------
-    drive : Drive
-        Validated drive file.
-    variant : str
-        "paper" or "fast".
-
-    Raises
-    ------
-    ValueError
-        Naming the drive file's key.
-    """
+    """ValueError with the key that explorers of "paper" or "fast" do not serve."""
     if variant == "fast":
         return
     # without this error the core would decide without these settings, and no output would tell;
@@ -455,28 +335,7 @@ def refuse_unserved(drive: Drive, variant: str) -> None:
 
 
 def registers(drive: Drive, variant: str, room: float = 1.0) -> Registers:
-    """Register values of a drive.
-
-    Parameters
-    ----------
-    drive : Drive
-        Validated drive file.
-    variant : str
-        "paper" or "fast": which explorers the core has.
-    room : float
-        Factor by which ``CURRENT_SLOPES`` may grow at run time.
-
-    Returns
-    -------
-    Registers
-        Words as the ports take them.
-
-    Raises
-    ------
-    ValueError
-        Where a value cannot be represented, or the variant does not serve the drive's settings;
-        the message names the drive file's key.
-    """
+    """Register values of a drive, as `unrounded`; ValueError names the key that does not fit."""
     refuse_unserved(drive, variant)
     if drive.control.leakage_estimate:
         room = max(room, ROOM)
@@ -504,18 +363,7 @@ def registers(drive: Drive, variant: str, room: float = 1.0) -> Registers:
 
 
 def format_csv(values: Registers) -> str:
-    """Lay out the registers as CSV: port, value, and the word to write in hexadecimal.
-
-    Parameters
-    ----------
-    values : Registers
-        Of ``registers``.
-
-    Returns
-    -------
-    str
-        A header and a line per port, without an end of line behind the last.
-    """
+    """Registers as CSV: port, value, and the word to write in hexadecimal."""
     lines = ["port,value,hex"]
     for port, value in values.ports().items():
         digits = 4 if port.startswith(("c_", "bound")) else 3 if port == "budget" else 2
@@ -524,18 +372,7 @@ def format_csv(values: Registers) -> str:
 
 
 def format_table(values: Registers) -> str:
-    """Lay out the registers as text.
-
-    Parameters
-    ----------
-    values : Registers
-        Of ``registers``.
-
-    Returns
-    -------
-    str
-        A line per port, then the trajectory unit and the extrapolation.
-    """
+    """Registers as text, then the trajectory unit and the extrapolation."""
     rows = [line.split(",") for line in format_csv(values).splitlines()]
     lines = [f"{port:20} {value:>8} {word:>6}" for port, value, word in rows]
     lines += [

@@ -89,43 +89,17 @@ def _schedule(explorers, root, nodes, cut):
 
 
 def search(explorers: int, root: int, nodes: Sequence[Counts], *, cut: bool = False) -> int:
-    """Cycles of a search with a second level.
+    """Clocks from ``start`` to ``valid`` of a search with a second level by 1 to 8 explorers.
 
-    Parameters
-    ----------
-    explorers : int
-        1 to 8.
-    root : int
-        Candidates that follow s(k-1), 27 to 64.
-    nodes : sequence of (int, int, int)
-        For each node looked at, in turn, the next positions of phases a, b, c.
-    cut : bool
-        Whether the budget ended it.
-
-    Returns
-    -------
-    int
-        Clocks from ``start`` to ``valid``.
+    `root`: candidates that follow s(k-1), 27 to 64. `nodes`: for each node in turn, its next
+    positions per phase. `cut`: the budget ended it.
     """
     array = np.array(nodes, dtype=np.int64).reshape(-1, 3)
     return int(_schedule(explorers, root, array, cut))
 
 
 def worst(explorers: int) -> tuple[int, NDArray[np.int64]]:
-    """Most cycles over all s(k-1), and the position that takes them.
-
-    Parameters
-    ----------
-    explorers : int
-        1 to 8.
-
-    Returns
-    -------
-    most : int
-        Clocks from ``start`` to ``valid``, without a budget.
-    where : ndarray of int64, shape (3,)
-        The first s(k-1) of this number, 0..7.
-    """
+    """Most clocks over all s(k-1) without a budget, and the first position (3,) that takes them."""
     most, where = 0, np.zeros(3, np.int64)
     for s in itertools.product(range(inverter.POSITIONS), repeat=3):
         found = search(explorers, len(inverter.candidates(s)), nodes_below(s))
@@ -212,41 +186,18 @@ def _results(explorers: int, c: int) -> int:
 def bound(explorers: int, budget: int) -> int:
     """Most clocks of a search, whichever candidates live.
 
-    The most over every choice of nodes for every s(k-1), in the order of the queue: all of them are
-    gone through. `search` counts one choice clock for clock. Delay compensation adds its clocks,
-    see `decision`.
-
-    Parameters
-    ----------
-    explorers : int
-        1 to 8.
-    budget : int
-        Candidates of the second level, 0: no limit.
-
-    Returns
-    -------
-    int
-        Clocks from ``start`` to ``valid``.
+    `budget` counts candidates of the second level; 0: no limit. The most over every choice of nodes
+    for every s(k-1), in the order of the queue: all of them are gone through. `search` counts one
+    choice clock for clock. Delay compensation adds its clocks, see `decision`.
     """
     return int(bounds(explorers, budget)[budget])
 
 
 @cache
 def bounds(explorers: int, largest: int) -> NDArray[np.int64]:
-    """Most clocks of a search by its budget, see `bound`.
+    """`bound` for budgets of 1 to ``largest``, an array (largest + 1,).
 
-    Parameters
-    ----------
-    explorers : int
-        1 to 8.
-    largest : int
-        The largest budget; 0: no limit.
-
-    Returns
-    -------
-    ndarray of int64, shape (largest + 1,)
-        Clocks from ``start`` to ``valid`` for budgets of 1 to ``largest``. Number 0 is the search
-        without a limit if ``largest`` is 0, and else one that looks at no node.
+    Number 0 is the search without a limit if ``largest`` is 0, and else one that looks at no node.
     """
     in_step = min(explorers, 4)
     spare = 8 // (4 if explorers == 1 else 2 if explorers < 4 else 1)
@@ -278,25 +229,10 @@ def decision(
     budget: int = 0,
     compensate: bool = False,
 ) -> int:
-    """Clocks that no decision exceeds, whatever the measurements.
+    """Clocks from ``start`` to ``valid`` that no decision exceeds, whatever the measurements.
 
-    Parameters
-    ----------
-    explorers : int
-        1 to 8.
-    variant : str
-        "fast" or "paper".
-    second_level : bool
-        Whether SESE is set; the fast variant alone has it.
-    budget : int
-        Candidates of the second level, 0: no limit.
-    compensate : bool
-        Whether the state is predicted first; the fast variant alone does.
-
-    Returns
-    -------
-    int
-        Clocks from ``start`` to ``valid``.
+    `budget`: candidates of the second level, 0: no limit. SESE and `compensate` are the fast
+    variant's.
     """
     if variant == "paper":
         return 62 + 22 * (CANDIDATES // explorers) + CANDIDATES % explorers
@@ -307,20 +243,7 @@ def decision(
 def nodes_below(s: tuple[int, ...]) -> list[Counts]:
     """All nodes that can follow s(k-1), by effort, the latest first: the order of the queue.
 
-    Parameters
-    ----------
-    s : tuple of int
-        s(k-1) of phases a, b, c, 0..7.
-
-    Returns
-    -------
-    list of (int, int, int)
-        For each node the numbers of positions that may follow in phases a, b, c.
-
-    Raises
-    ------
-    ValueError
-        If there are not three positions, or one is outside 0..7.
+    Positions per phase that may follow each; ValueError for an s outside 0..7.
     """
     weight = inverter.TRANSITION_WEIGHT[0]
     found = [

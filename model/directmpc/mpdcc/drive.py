@@ -164,39 +164,16 @@ class PerUnitDrive(AnyDrive):
 
     @property
     def described(self) -> str:
-        """What a message calls the drive.
-
-        Returns
-        -------
-        str
-            To stand behind "given".
-        """
+        """What a message calls the drive."""
         return f'with machine.type = "{self.machine.type}"'
 
     @property
     def highest(self) -> dict[str, float]:
-        """Highest speed and flux.
-
-        Returns
-        -------
-        dict of str to float
-            `speed` and `flux`, per unit.
-        """
+        """Highest speed and flux. Per unit."""
         return {"speed": self.machine.speeds[1], "flux": FLUX.high / FLUX.scale}
 
     def check_speed(self, speed: float) -> None:
-        """Refuse a stator frequency that the drive cannot run at.
-
-        Parameters
-        ----------
-        speed : float
-            Per unit.
-
-        Raises
-        ------
-        ValueError
-            The message says what is allowed.
-        """
+        """Refuse a stator frequency (per unit) that the drive cannot run at: ValueError."""
         least, most = self.machine.speeds
         if not least <= abs(speed) <= most:
             ranges = f"{-most:g} to {most:g} pu" if least == 0.0 else f"{least:g} to {most:g} pu"
@@ -209,33 +186,11 @@ class PerUnitDrive(AnyDrive):
 
     @property
     def plant_factors(self) -> tuple[str, ...]:
-        """Names of the factors of `scaled`.
-
-        Returns
-        -------
-        tuple of str
-            Those of the load, and `xdc`, `xph`.
-        """
+        """Names of the factors of `scaled`."""
         return (*self.machine.factors, "xdc", "xph")
 
     def scaled(self, factors: Mapping[str, float]) -> Self:
-        """The drive with another load and other capacitors.
-
-        Parameters
-        ----------
-        factors : mapping of str to float
-            Some of `plant_factors`.
-
-        Returns
-        -------
-        Drive or KbestDrive
-            With all other values as they are.
-
-        Raises
-        ------
-        DriveError
-            If a value is not allowed.
-        """
+        """The drive with some of `plant_factors` applied; DriveError if a value is not allowed."""
         tables: dict[str, dict[str, float]] = {}
         for name, factor in factors.items():
             table = "machine" if name in self.machine.factors else "inverter"
@@ -246,33 +201,18 @@ class PerUnitDrive(AnyDrive):
 
     @property
     def converter(self) -> Converter:
-        """The converter that `inverter.topology` names.
-
-        Returns
-        -------
-        Converter
-            One of those that ship.
-        """
+        """The converter that `inverter.topology` names."""
         return tables.leg_of(self.inverter.topology)
 
     @property
     def ts_pu(self) -> float:
-        """Sampling interval in units of 1/(2 pi f_base).
-
-        Returns
-        -------
-        float
-            Per unit: radians of the base frequency.
-        """
+        """Sampling interval in units of 1/(2 pi f_base). Radians of the base frequency."""
         return 2 * math.pi * self.base.frequency * self.control.ts
 
     def missing(self) -> list[str]:
         """What has to be added to the file before its drive can be started.
 
-        Returns
-        -------
-        list of str
-            As of its `guard`, but for limits of what the converter does not have.
+        As of its `guard`, but for limits of what it does not have.
         """
         leg, absent = self.converter, []
         if leg.capacitor_nodes is None:
@@ -283,18 +223,7 @@ class PerUnitDrive(AnyDrive):
 
 
 def only_default(drive: PerUnitDrive) -> None:
-    """Refuse a drive whose converter is not the usual one, for what is built for that one alone.
-
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        Validated drive file.
-
-    Raises
-    ------
-    ValueError
-        Naming the drive file's key.
-    """
+    """Refuse a drive of another converter than the usual one: ValueError with the key."""
     if drive.inverter.topology != tables.DEFAULT:
         raise ValueError(
             f'inverter.topology: got "{drive.inverter.topology}"; it must be "{tables.DEFAULT}" '

@@ -94,44 +94,17 @@ NO_ERRORS = DriveErrors()
 
 
 class Sensors(NamedTuple):
-    """`DriveErrors` for compiled code.
+    """`DriveErrors` for compiled code."""
 
-    Attributes
-    ----------
-    matrix : ndarray of float64, shape (2, 2)
-        What the sensors make of the current, alpha and beta.
-    offset : ndarray of float64, shape (8,)
-        Added to the state, per unit.
-    gain : ndarray of float64, shape (8,)
-        The state's factor before that.
-    lsb : ndarray of float64, shape (8,)
-        Of the converters, per unit; 0 for none.
-    noise : ndarray of float64, shape (n, 8)
-        Added in each step, per unit.
-    """
-
-    matrix: FloatArray
-    offset: FloatArray
-    gain: FloatArray
-    lsb: FloatArray
-    noise: FloatArray
+    matrix: FloatArray  # (2, 2): What the sensors make of the current, alpha and beta
+    offset: FloatArray  # (8,): Added to the state, per unit
+    gain: FloatArray  # (8,): The state's factor before that
+    lsb: FloatArray  # (8,): Of the converters, per unit; 0 for none
+    noise: FloatArray  # (n, 8): Added in each step, per unit
 
 
 def sensors(errors: DriveErrors, steps: int) -> Sensors:
-    """What the sensors of a run do.
-
-    Parameters
-    ----------
-    errors : DriveErrors
-        Per unit.
-    steps : int
-        Length of the run, control steps.
-
-    Returns
-    -------
-    Sensors
-        The noise is the same for the same seed, whatever the length.
-    """
+    """What the sensors of a run do; noise is the same for a seed, whatever the length."""
     rng = np.random.default_rng(errors.seed)
     noise = rng.standard_normal((steps, 8))
     noise[:, :2] *= errors.noise_current
@@ -154,19 +127,7 @@ def sensors(errors: DriveErrors, steps: int) -> Sensors:
 
 @njit
 def measure(given, k, state, seen):
-    """What the sensors say of a state.
-
-    Parameters
-    ----------
-    given : Sensors
-        From `sensors`.
-    k : int
-        Control step, from 0.
-    state : ndarray of float64, shape (8,)
-        Of the plant, per unit.
-    seen : ndarray of float64, shape (8,)
-        Filled, per unit.
-    """
+    """What the sensors say at step k of the plant's state (8,), per unit: fills `seen`."""
     seen[:] = state
     alpha, beta = state[0], state[1]
     seen[0] = given.matrix[0, 0] * alpha + given.matrix[0, 1] * beta
@@ -178,22 +139,7 @@ def measure(given, k, state, seen):
 
 
 def measured(errors: DriveErrors, states: FloatArray, first: int = 0) -> FloatArray:
-    """What the sensors of a run say of its states.
-
-    Parameters
-    ----------
-    errors : DriveErrors
-        Per unit.
-    states : ndarray of float64, shape (n, 8)
-        Of the plant, per unit.
-    first : int
-        Control step of the first one.
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 8)
-        Per unit.
-    """
+    """What the sensors say of states (n, 8) per unit, the first at control step `first`."""
     given, seen = sensors(errors, first + len(states)), np.empty_like(states)
     for k in range(len(states)):
         measure(given, first + k, states[k], seen[k])
@@ -202,19 +148,7 @@ def measured(errors: DriveErrors, states: FloatArray, first: int = 0) -> FloatAr
 
 @njit
 def switched_step(dead, rest, state, before, after, omega_r, vdc):
-    """Advance the plant by a control period that begins with a dead time, in place.
-
-    Parameters
-    ----------
-    dead, rest : PlantData
-        The plant over the dead time and over the rest of the period.
-    state : ndarray of float64, shape (8,)
-        Per unit; changed in place.
-    before, after : ndarray of int64, shape (3,)
-        Positions until now and from now on, 0..7.
-    omega_r, vdc : float
-        Rotor speed and dc-link voltage, per unit.
-    """
+    """Advance the plant (8,), per unit, by a period that begins with a dead time, in place."""
     between = after.copy()
     for x in range(3):
         if before[x] != after[x]:
@@ -238,22 +172,7 @@ def _voltage(data, s, x, state, vdc):
 def split(data: PlantData, dead_time: float) -> tuple[PlantData, PlantData]:
     """The plant over a dead time and over the rest of the control period.
 
-    Parameters
-    ----------
-    data : PlantData
-        Over the whole period.
-    dead_time : float
-        Per unit.
-
-    Returns
-    -------
-    dead, rest : PlantData
-        With empty caches.
-
-    Raises
-    ------
-    ValueError
-        If the dead time is not shorter than the period.
+    `dead_time` per unit; ValueError if it is not shorter than the period.
     """
     if not dead_time < data.ts:
         raise ValueError(

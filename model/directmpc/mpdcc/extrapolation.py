@@ -34,38 +34,23 @@ frequency of closed loops at rated speed: docs/evidence.md."""
 
 @dataclass(frozen=True)
 class Correction:
-    """Fitted correction of the Euler step.
+    """Fitted correction of the Euler step."""
 
-    Attributes
-    ----------
-    length
-        L, steps.
-    p
-        Correction factor of Paper A, eqs. (4), (9b) and (14).
-    rms_error, max_error
-        Of the current rows against the exact A_d(L T_s), over the speeds of the fit, per unit of
-        current for a state of 1 (both columns: current and flux).
-    """
-
-    length: int
-    p: float
+    length: int  # L, steps
+    p: float  # Correction factor of Paper A, eqs. (4), (9b) and (14)
+    # rms_error, max_error: Of the current rows against the exact A_d(L T_s), over the speeds of the
+    # fit, per unit of current for a state of 1 (both columns: current and flux).
     rms_error: float
     max_error: float
 
 
 @dataclass(frozen=True)
 class Extrapolation:
-    """A length with its correction and the prediction error of both together.
+    """A length with its correction and the prediction error of both together."""
 
-    Attributes
-    ----------
-    correction
-        The fitted correction for this length.
-    rms_error, max_error
-        Of the predicted current error i* - i over the steps 1 to `span`, per unit.
-    """
-
-    correction: Correction
+    correction: Correction  # The fitted correction for this length
+    # rms_error, max_error: Of the predicted current error i* - i over the steps 1 to `span`, per
+    # unit.
     rms_error: float
     max_error: float
 
@@ -73,26 +58,7 @@ class Extrapolation:
 def fit_correction(load: Load, ts: float, length: int, speeds: Sequence[float]) -> Correction:
     """Fit p by least squares to the current rows of the exact load.
 
-    Parameters
-    ----------
-    load : Load
-        Per unit.
-    ts : float
-        Sampling interval, per unit.
-    length : int
-        L, steps.
-    speeds : sequence of float
-        Rotor speeds to fit over, per unit; not all zero.
-
-    Returns
-    -------
-    Correction
-        p and what remains.
-
-    Raises
-    ------
-    ValueError
-        If the length is below 1 or all speeds are zero.
+    All per unit; `length` is L in steps, at least 1, and a speed is not zero.
     """
     if length < 1 or not any(speeds):
         raise ValueError("a length of at least 1 and a speed other than 0 are needed")
@@ -115,16 +81,6 @@ def typical_span(drive: Drive) -> int:
     takes a current through `BAND` half widths of its bound: candidates that are chosen live about
     that long. A shorter span predicts the many candidates that end early better, and more decisions
     are those of the ideal controller, but the loop's THD is too low: docs/evidence.md.
-
-    Parameters
-    ----------
-    drive : Drive
-        Its machine, sampling interval, v_dc, current bound and horizon count.
-
-    Returns
-    -------
-    int
-        Steps, 1 to the horizon.
     """
     slope = drive.machine.matrices.b[0] * drive.ts_pu * drive.inverter.vdc / 6
     span = round(BAND * drive.control.bound_current / slope)
@@ -136,27 +92,9 @@ def compare_lengths(
 ) -> list[Extrapolation]:
     """Fit p for each length and state how well the linear prediction of i* - i then does.
 
-    The state is that of rated current and flux, the voltage that which would keep the current on
-    its reference: every candidate adds to it a response that both predict nearly alike.
-
-    Parameters
-    ----------
-    drive : Drive
-        Drive whose machine, sampling interval, bounds and horizon count.
-    lengths : sequence of int
-        Lengths to compare, steps.
-    speeds : sequence of float
-        Stator frequencies to average over, per unit; not all zero.
-
-    Returns
-    -------
-    list of Extrapolation
-        In the order of `lengths`.
-
-    Raises
-    ------
-    ValueError
-        If a length is below 1 or all speeds are zero.
+    Lengths in steps, speeds per unit. The state is that of rated current and flux, the voltage that
+    which would keep the current on its reference: every candidate adds to it a response that both
+    predict nearly alike.
     """
     load, m, h = drive.machine, drive.machine.matrices, drive.ts_pu
     points = [load.steady_state(omega_s) for omega_s in speeds]
@@ -188,24 +126,11 @@ def compare_lengths(
 
 
 def choose_extrapolation(drive: Drive) -> tuple[int, float]:
-    """L and p of Paper A's extrapolation for a drive: its keys, or a choice where they are "auto".
+    """L (steps) and p of Paper A's extrapolation (eqs. 4, 9b and 14): keys, or a choice for "auto".
 
     The criterion of L: the least root-mean-square error of the predicted current error i* - i over
     the steps 1 to `typical_span` and over the speeds `SPEEDS`, at rated current and flux; the
     shorter length on a tie. p is then the one that fits L.
-
-    Parameters
-    ----------
-    drive : Drive
-        Its keys `extrapolation` and `correction`; for a choice its machine, sampling interval,
-        v_dc, current bound and horizon count.
-
-    Returns
-    -------
-    length : int
-        L in steps.
-    p : float
-        The correction (Paper A, eqs. 4, 9b and 14).
     """
     length, p = drive.control.extrapolation, drive.control.correction
     if length == "auto":
@@ -221,18 +146,7 @@ def choose_extrapolation(drive: Drive) -> tuple[int, float]:
 
 
 def format_table(drive: Drive) -> str:
-    """Lay out the comparison of all lengths, the chosen one marked, as text.
-
-    Parameters
-    ----------
-    drive : Drive
-        As in `choose_extrapolation`.
-
-    Returns
-    -------
-    str
-        p, its error and the error of the prediction (both per unit) for each of `SHOWN`.
-    """
+    """Lengths `SHOWN` as text: p, its error and the prediction's, per unit; the choice marked."""
     a1 = drive.machine.matrices.a1
     chosen, p = choose_extrapolation(drive)
     lines = [

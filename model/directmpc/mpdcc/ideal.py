@@ -60,17 +60,9 @@ class IdealParameters(NamedTuple):
 
 
 def ideal_parameters(drive: Drive) -> IdealParameters:
-    """Collect the parameters of the ideal controller from a drive.
+    """Parameters of the ideal controller, per unit.
 
-    Parameters
-    ----------
-    drive : Drive
-        Validated drive.
-
-    Returns
-    -------
-    IdealParameters
-        Per unit; `bounds` of i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c.
+    The bounds are those of i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c.
     """
     c = drive.control
     return predictor_parameters(drive)._replace(
@@ -84,18 +76,7 @@ def ideal_parameters(drive: Drive) -> IdealParameters:
 
 
 def predictor_parameters(drive: PerUnitDrive) -> IdealParameters:
-    """Collect what `advance` needs of a drive of any controller.
-
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        Validated drive.
-
-    Returns
-    -------
-    IdealParameters
-        Per unit; bounds and settings of the search say nothing.
-    """
+    """What `advance` needs of a drive of any controller, per unit; other fields say nothing."""
     leg = drive.converter
     return IdealParameters(
         ts=drive.ts_pu,
@@ -122,18 +103,7 @@ def predictor_parameters(drive: PerUnitDrive) -> IdealParameters:
 
 @njit
 def phases(vector):
-    """K^-1 of eq. (1) on a complex space vector.
-
-    Parameters
-    ----------
-    vector : complex
-        alpha + j*beta, any unit.
-
-    Returns
-    -------
-    a, b, c : float
-        Phases in the same unit; their sum is zero.
-    """
+    """K^-1 of eq. (1) on a complex space vector."""
     half = -0.5 * vector.real
     root = SQRT3_2 * vector.imag
     return vector.real, half + root, half - root
@@ -141,26 +111,7 @@ def phases(vector):
 
 @njit
 def inputs(p, vdc, v_n, v_a, v_b, v_c, i_a, i_b, i_c, s_a, s_b, s_c):
-    """What a switch position applies to machine and inverter (Paper A, eqs. 1 and 2).
-
-    Parameters
-    ----------
-    p : IdealParameters
-        From `ideal_parameters`.
-    vdc, v_n, v_a, v_b, v_c : float
-        Voltages of dc link, neutral point and phase capacitors, per unit.
-    i_a, i_b, i_c : float
-        Phase currents, per unit.
-    s_a, s_b, s_c : int
-        Positions, 0..7.
-
-    Returns
-    -------
-    voltage : complex
-        Stator voltage vector, per unit.
-    r_n, r_a, r_b, r_c : float
-        What v_n and v_ph_a..c move by in a step, per unit.
-    """
+    """Voltage of a position, and the steps of v_n, v_ph_a..c, per unit (Paper A, eqs. 1 and 2)."""
     half = 0.5 * vdc
     u_a = p.half_dc[s_a] * half + p.neutral[s_a] * v_n + p.capacitor[s_a] * v_a
     u_b = p.half_dc[s_b] * half + p.neutral[s_b] * v_n + p.capacitor[s_b] * v_b
@@ -275,29 +226,10 @@ def _extend(
 
 @njit
 def prepare(p, x_m, iref, omega_s, omega_r, steps):
-    """What all candidates share (Paper A, section V-A, without its approximations).
+    """What all candidates share (Paper A, section V-A, without its approximations), per unit.
 
-    Parameters
-    ----------
-    p : IdealParameters
-        From `ideal_parameters`.
-    x_m : ndarray of float64, shape (4,)
-        i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta at k, per unit.
-    iref : ndarray of float64, shape (2,)
-        Current reference at k, per unit.
-    omega_s, omega_r : float
-        Stator and rotor angular speed, per unit.
-    steps : int
-        Length of the reference.
-
-    Returns
-    -------
-    a11, a12, a21, a22 : complex
-        Load over a step, see `load.discretise`.
-    natural, forced, forced_flux : (N + 1,) complex
-        Current without voltage; current and rotor flux per voltage vector, from the state 0.
-    reference : (steps + 1,) complex
-        Turned with omega_s.
+    Load over a step (`load.discretise`), current without voltage, current and flux per voltage
+    vector from the state 0 (N + 1,), and the reference turned with omega_s (steps + 1,).
     """
     a11, a12, a21, a22, b1, b2 = discretise(p.load, omega_r, p.ts)
     n = p.horizon
@@ -346,8 +278,6 @@ def _first_step(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 def _search(p, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, prune):
     """Search all candidates.
 
-    Notes
-    -----
     Pruning skips what cannot be cheaper than the best so far, which a later candidate must be to
     win. The bounds hold after rounding too: division and addition are monotonic in floating point.
     """
@@ -489,27 +419,8 @@ def _best_leaf(
 def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """Decide on the next switch positions (docs/specification.md, section 2; Paper A, Algorithm 1).
 
-    Parameters
-    ----------
-    parameters : IdealParameters
-        From `ideal_parameters`.
-    x_m : (4,) float
-        i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta at k, per unit, as are all others.
-    x_inv : (4,) float
-        v_n, v_ph_a, v_ph_b, v_ph_c at k.
-    vdc : float
-        dc-link voltage.
-    iref : (2,) float
-        Current reference at k.
-    omega_s, omega_r : float
-        Stator and rotor angular speed.
-    s_prev : (3,) int
-        Positions s(k-1), 0..7.
-
-    Returns
-    -------
-    s_a, s_b, s_c, held, deadlock, length, saturated : int
-        Positions to apply, flags, L* of the choice (L1 for SESE). `saturated` is always 0.
+    Per unit: x_m is i_s and psi_r, alpha and beta; x_inv is v_n and v_ph_a..c, at k. Gives s_a,
+    s_b, s_c, held, deadlock, L* of the choice (L1 for SESE), saturated (0).
     """
     if _first_step(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
         return s_prev[0], s_prev[1], s_prev[2], 1, 0, 0, 0
@@ -521,31 +432,10 @@ def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 
 @njit
 def margins(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """Tell how clear a decision is (Paper A, eqs. 10 to 12; in a deadlock 15 and 16).
+    """Held, deadlock, best and second cost (Paper A, eqs. 10 to 12; in a deadlock 15, 16).
 
-    Parameters
-    ----------
-    parameters : IdealParameters
-        From `ideal_parameters`.
-    x_m, x_inv : ndarray of float64, shape (4,)
-        Machine and inverter state at k, per unit, as in `decide`.
-    vdc : float
-        dc-link voltage, per unit.
-    iref : ndarray of float64, shape (2,)
-        Current reference at k, per unit.
-    omega_s, omega_r : float
-        Stator and rotor angular speed, per unit.
-    s_prev : ndarray of int64, shape (3,)
-        Positions s(k-1), 0..7.
-
-    Returns
-    -------
-    held : int
-        1 if s(k-1) is kept; the costs are then still those a search would have found.
-    deadlock : int
-        1 if the costs are those of the deadlock rule rather than J.
-    best, second : float
-        Least cost, and least cost over the other first positions; infinite where there is none.
+    Arguments as of `decide`. Costs are J, or J_dl in a deadlock: the least, and the least over the
+    other first positions. They are found even if s(k-1) is kept; infinite where there is none.
     """
     held = _first_step(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev)
     _, _, _, deadlock, _, best, second = _search(
@@ -558,34 +448,10 @@ def margins(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 def candidates(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
     """Every candidate of a state with what the controller makes of it (Paper A, eqs. 10 to 16).
 
-    Nothing is skipped, so that any other choice can be judged by what it costs.
-
-    Parameters
-    ----------
-    parameters : IdealParameters
-        From `ideal_parameters`.
-    x_m, x_inv : ndarray of float64, shape (4,)
-        Machine and inverter state at k, per unit, as in `decide`.
-    vdc : float
-        dc-link voltage, per unit.
-    iref : ndarray of float64, shape (2,)
-        Current reference at k, per unit.
-    omega_s, omega_r : float
-        Stator and rotor angular speed, per unit.
-    s_prev : ndarray of int64, shape (3,)
-        Positions s(k-1), 0..7.
-
-    Returns
-    -------
-    held : int
-        1 if s(k-1) is kept.
-    positions : ndarray of int64, shape (n, 3)
-        Candidates in the order of enumeration.
-    lengths : ndarray of int64, shape (n,)
-        L* (L1 for SESE), steps; 0 where the first step leaves the bounds.
-    costs : ndarray of float64, shape (n, 3)
-        J of the candidate alone, J of its cheapest continuation (SESE), J_dl of the deadlock rule;
-        infinite where there is none.
+    Nothing is skipped, so that any other choice can be judged by what it costs. Arguments as of
+    `decide`. Gives held, positions (n, 3), L* (n,; 0 where the first step leaves the bounds) and
+    costs (n, 3): J alone, J of the cheapest continuation (SESE), J_dl; infinite where there is
+    none.
     """
     p = parameters
     n = p.horizon
@@ -662,19 +528,10 @@ def _run(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev, out):
 
 @njit
 def advance(p, x, s, omega_r, vdc):
-    """Take a state one step on, as `decide` predicts it (Paper A, eqs. 2 and 3), in place.
+    """Take x (8,), per unit, one step on in place, as `decide` predicts it (Paper A, eqs. 2 and 3).
 
-    Parameters
-    ----------
-    p : IdealParameters
-        From `ideal_parameters`.
-    x : (8,) float
-        i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta, v_n, v_ph_a, v_ph_b, v_ph_c at k, per unit;
-        replaced by those at k + 1.
-    s : (3,) int
-        Positions applied from k to k + 1.
-    omega_r, vdc : float
-        Rotor speed and dc-link voltage, per unit.
+    x is i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta, v_n, v_ph_a, v_ph_b, v_ph_c; s is applied
+    from k to k + 1.
     """
     a11, a12, a21, a22, b1, b2 = discretise(p.load, omega_r, p.ts)
     current, flux = complex(x[0], x[1]), complex(x[2], x[3])
@@ -692,20 +549,7 @@ def advance(p, x, s, omega_r, vdc):
 
 
 def one_step_on(parameters: IdealParameters, trace: MpdccTrace) -> MpdccTrace:
-    """Take every row of a trace to k + 1 under its s(k-1), as `decide` predicts it.
-
-    Parameters
-    ----------
-    parameters : IdealParameters
-        From `ideal_parameters`.
-    trace : MpdccTrace
-        n rows at k, per unit; not changed.
-
-    Returns
-    -------
-    MpdccTrace
-        n rows at k + 1: states, and references turned with omega_s; the rest as before.
-    """
+    """Take n rows of a trace to k + 1 under s(k-1), references turned with omega_s."""
     state = np.hstack([trace.x_m, trace.x_inv])
     iref = trace.iref.copy()
     for k in range(len(trace)):
@@ -716,20 +560,7 @@ def one_step_on(parameters: IdealParameters, trace: MpdccTrace) -> MpdccTrace:
 
 
 def run(drive: Drive, trace: MpdccTrace) -> Decisions:
-    """Decide on every row of a trace.
-
-    Parameters
-    ----------
-    drive : Drive
-        Drive to control; its switching horizon says whether SE or SESE.
-    trace : MpdccTrace
-        n rows, independent of one another, per unit.
-
-    Returns
-    -------
-    Decisions
-        n rows; no cycles, never saturated.
-    """
+    """Decide on n independent rows of a trace; the drive's horizon says whether SE or SESE."""
     out = np.empty((len(trace), 7), np.int64)
     if drive.control.delay_compensation:
         trace = one_step_on(ideal_parameters(drive), trace)

@@ -68,24 +68,9 @@ phase_voltages = LEG.phase_voltages
 
 
 def inverter_matrix(s_abc: Sequence[int], xdc: float, xph: float) -> NDArray[np.float64]:
-    """Form B_inv(s) of Paper A, eq. (2), per unit.
+    """B_inv(s) of Paper A, eq. (2), per unit.
 
-    Parameters
-    ----------
-    s_abc : sequence of int
-        Positions of phases a, b, c, 0..7.
-    xdc, xph : float
-        Reactances of a dc-link capacitor and of a phase capacitor, per unit.
-
-    Returns
-    -------
-    ndarray of float64, shape (4, 3)
-        d[v_n, v_ph_a, v_ph_b, v_ph_c]/dt per phase current i_abc.
-
-    Raises
-    ------
-    IndexError
-        If a position is above 7.
+    Shape (4, 3): d[v_n, v_ph_a, v_ph_b, v_ph_c]/dt per i_abc.
     """
     s = np.asarray(s_abc, dtype=np.int64)
     matrix = np.zeros((4, 3))

@@ -64,20 +64,7 @@ _SLOPE_WIDTH = f.COEFFICIENT_WIDTH
 
 
 def coefficients(drive: PerUnitDrive) -> tuple[dict[str, int], list[str]]:
-    """Coefficients of the estimate for a drive.
-
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        Machine and control period that the controller is set up for.
-
-    Returns
-    -------
-    words : dict of int
-        Name -> signed 18-bit word, in the order of ``COEFFICIENTS``.
-    problems : list of str
-        One sentence per word that did not fit and was saturated.
-    """
+    """Signed 18-bit words of the estimate by name, and a sentence per word that was saturated."""
     m, h = drive.machine.matrices, drive.ts_pu
     voltage = h * m.b[0] * f.CURRENT.scale / VOLTAGE_SCALE * 2.0**FRACTION
     flux = -h * m.a1[0, 1] * f.CURRENT.scale / f.FLUX.scale * 2.0**FRACTION
@@ -96,18 +83,7 @@ def coefficients(drive: PerUnitDrive) -> tuple[dict[str, int], list[str]]:
 
 
 def array(words: dict[str, int]) -> IntArray:
-    """Coefficients in port order, for compiled code.
-
-    Parameters
-    ----------
-    words : dict of int
-        Of ``coefficients``.
-
-    Returns
-    -------
-    ndarray of int64, shape (3,)
-        Signed 18-bit words in the order of ``COEFFICIENTS``.
-    """
+    """``coefficients`` in port order (3,), for compiled code."""
     return np.array([words[name] for name in COEFFICIENTS], dtype=np.int64)
 
 
@@ -116,13 +92,7 @@ STATE_WORDS = 4
 
 
 def first() -> IntArray:
-    """State after a reset.
-
-    Returns
-    -------
-    ndarray of int64, shape (4,)
-        theta is 1, see ``STATE_WORDS``.
-    """
+    """State after a reset (4,), theta 1, see ``STATE_WORDS``."""
     state = np.zeros(STATE_WORDS, dtype=np.int64)
     state[0] = ONE
     return state
@@ -130,27 +100,11 @@ def first() -> IntArray:
 
 @njit
 def step_voltages(coefficient, state, m, v, frozen):
-    """One step of the estimate of ``state_observer``.
+    """One step of the estimate: theta at k (16 fractional bits), and 1 where a word saturated.
 
-    Parameters
-    ----------
-    coefficient : ndarray of int64, shape (3,)
-        Of ``array``.
-    state : ndarray of int64, shape (4,)
-        See ``STATE_WORDS``; replaced by the next.
-    m : ndarray of int64, shape (5,)
-        is_alpha, is_beta, psir_alpha, psir_beta, omega_r as the ports take them.
-    v : tuple of int, length 2
-        2 v_a - v_b - v_c and v_b - v_c from k-1 to k, LSB of ``formats.LINK_VOLTAGE``, 18 bits.
-    frozen : int
-        1: theta stays.
-
-    Returns
-    -------
-    theta : int
-        At k, unsigned, 16 fractional bits.
-    saturated : int
-        1 where a word did not hold its value. theta at its limits is none.
+    `state` (4,) is replaced. `m` (5,): is_alpha, is_beta, psir_alpha, psir_beta, omega_r in words.
+    `v`: 2 v_a - v_b - v_c and v_b - v_c from k-1 to k, LSB of ``formats.LINK_VOLTAGE``, 18 bits.
+    With `frozen` theta stays. Theta at its limits is not saturated.
     """
     angle, over = rounded(m[4] * coefficient[2], FRACTION, WORD_WIDTH)
     for x in range(2):
@@ -172,28 +126,10 @@ def step_voltages(coefficient, state, m, v, frozen):
 
 @njit
 def step_words(coefficient, state, m, s, frozen):
-    """One step of the estimate behind the voltages of ``observer``.
+    """`step_voltages` behind the voltages of ``observer``; s was applied from k-1 to k.
 
-    Parameters
-    ----------
-    coefficient : ndarray of int64, shape (3,)
-        Of ``array``.
-    state : ndarray of int64, shape (4,)
-        See ``STATE_WORDS``; replaced by the next.
-    m : ndarray of int64, shape (10,)
-        is_alpha, is_beta, v_n, v_ph_a, v_ph_b, v_ph_c, v_dc, omega_r, psir_alpha, psir_beta as the
-        core's ports take them.
-    s : ndarray of int64, shape (3,)
-        Positions applied from k-1 to k.
-    frozen : int
-        1: theta stays.
-
-    Returns
-    -------
-    theta : int
-        At k, unsigned, 16 fractional bits.
-    saturated : int
-        1 where a word did not hold its value. theta at its limits is none.
+    `m` (10,): is_alpha, is_beta, v_n, v_ph_a, v_ph_b, v_ph_c, v_dc, omega_r, psir_alpha, psir_beta
+    in words.
     """
     v_a, v_b, bent = voltages(m, s)
     used = np.array([m[0], m[1], m[8], m[9], m[7]])
@@ -204,22 +140,7 @@ def step_words(coefficient, state, m, s, frozen):
 
 @njit
 def scaled(theta, given, values):
-    """Parameters of a core with theta in them.
-
-    Parameters
-    ----------
-    theta : int
-        Of ``step_words``.
-    given : ndarray of int64, shape (p,)
-        ``Registers.array()``.
-    values : ndarray of int64, shape (p,)
-        A copy of it; ``CURRENT_SLOPES`` are replaced.
-
-    Returns
-    -------
-    int
-        1 where a coefficient did not hold its value.
-    """
+    """Put theta into ``CURRENT_SLOPES`` of `values`, a copy of `given`; 1 where one saturated."""
     over = 0
     for place in _PLACES:
         values[place], o = rounded(given[place] * theta, FRACTION, _SLOPE_WIDTH)
@@ -243,28 +164,7 @@ _WORDS = [
 
 @njit
 def step_row(coefficient, state, x, vdc, omega_r, s, frozen):
-    """One step on values per unit, as ``step_words``.
-
-    Parameters
-    ----------
-    coefficient, state : ndarray of int64
-        As of ``step_words``.
-    x : ndarray of float64, shape (8,)
-        i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta, v_n, v_ph_a, v_ph_b, v_ph_c, per unit.
-    vdc, omega_r : float
-        Per unit.
-    s : ndarray of int64, shape (3,)
-        Positions applied from k-1 to k.
-    frozen : int
-        1: theta stays.
-
-    Returns
-    -------
-    theta : int
-        At k, unsigned, 16 fractional bits.
-    saturated : int
-        1 where a word did not hold its value.
-    """
+    """`step_words` on values per unit: x (8,) of the plant's order, s applied from k-1 to k."""
     real = np.empty(10)
     real[0], real[1] = x[0], x[1]
     real[2:6] = x[4:]
@@ -274,20 +174,7 @@ def step_row(coefficient, state, x, vdc, omega_r, s, frozen):
 
 
 class LeakageEstimate:
-    """The estimate of a drive with its state, step by step.
-
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        Machine and control period.
-
-    Attributes
-    ----------
-    coefficient : ndarray of int64, shape (3,)
-        Of ``array``.
-    state : ndarray of int64, shape (4,)
-        As of ``step_words``.
-    """
+    """The estimate of a drive with its state, step by step."""
 
     def __init__(self, drive: PerUnitDrive) -> None:
         self.coefficient = array(coefficients(drive)[0])
@@ -295,43 +182,16 @@ class LeakageEstimate:
 
     @property
     def theta(self) -> int:
-        """theta of the last step, unsigned, 16 fractional bits.
-
-        Returns
-        -------
-        int
-            From 2^15 to 2^17 - 1; 2^16 before the first step.
-        """
+        """theta of the last step, unsigned, 16 fractional bits: 2^15 to 2^17 - 1, at first 2^16."""
         return int(self.state[0]) >> GUARD
 
     def scaled(self, given: NDArray[np.int64]) -> tuple[NDArray[np.int64], bool]:
-        """Parameters of a core for the next decision.
-
-        Parameters
-        ----------
-        given : ndarray of int64, shape (p,)
-            ``Registers.array()``.
-
-        Returns
-        -------
-        values : ndarray of int64, shape (p,)
-            With ``CURRENT_SLOPES`` times theta.
-        saturated : bool
-            Whether a coefficient did not hold its value.
-        """
+        """Parameters of a core for the next decision; whether a coefficient saturated."""
         values = given.copy()
         return values, bool(scaled(self.theta, given, values))
 
     def step(self, words: Sequence[int], s: Sequence[int]) -> None:
-        """Go on with what a decision was made on.
-
-        Parameters
-        ----------
-        words : sequence of int, length 13
-            In the order of ``formats.MEASUREMENTS``, voltages of the capacitor filters included.
-        s : sequence of int, length 3
-            Positions applied until then.
-        """
+        """Go on with the words of a decision (filtered) and the positions applied until then."""
         m = np.array([words[n] for n in _WORDS], dtype=np.int64)
         step_words(self.coefficient, self.state, m, np.array(s, dtype=np.int64), 0)
 
@@ -353,29 +213,9 @@ def step_ideal(
     voltage: complex,
     omega_r: float,
 ) -> IdealState:
-    """One step in float64; everything per unit.
+    """One step in float64, per unit; `mu` is the gain per square of the current, `h` the period.
 
-    Parameters
-    ----------
-    load : Load
-        Load that the controller is set up for.
-    h : float
-        Control period.
-    mu : float
-        Gain, per square of the current.
-    state : IdealState or None
-        At k-1; None: there is none yet.
-    current, flux : complex
-        Stator current and rotor flux at k.
-    voltage : complex
-        Stator voltage from k-1 to k.
-    omega_r : float
-        Rotor speed at k.
-
-    Returns
-    -------
-    IdealState
-        At k.
+    `state` is that at k-1 or None; the voltage was applied from k-1 to k.
     """
     if state is None:
         return IdealState(1.0, current)

@@ -18,75 +18,34 @@ from directmpc.mpdcc.trace import IntArray
 
 @dataclass(frozen=True)
 class SwitchingFrequency:
-    """Average switching frequency, from turn-on counts, Hz.
+    """Average switching frequency, from turn-on counts, Hz."""
 
-    Attributes
-    ----------
-    per_device
-        Over the switches of three legs.
-    per_physical_device
-        Over their devices, those in series counted each.
-    by_group
-        Over the switches of each group that the converter's file has, by its name.
-    """
-
-    per_device: float
-    per_physical_device: float
+    per_device: float  # Over the switches of three legs
+    per_physical_device: float  # Over their devices, those in series counted each
+    # Over the switches of each group that the converter's file has, by its name.
     by_group: dict[str, float]
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Figures of merit of one run.
+    """Figures of merit of one run."""
 
-    Attributes
-    ----------
-    thd : (3,)
-        Total harmonic distortion of each phase current, a ratio (0.05 is 5 %).
-    thd_mean
-        Root mean square of the three.
-    switching
-        Average switching frequencies, Hz.
-    violations : (7,)
-        Largest excess over the bound per output [i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c], per
-        unit; 0 where the bound was never exceeded.
-    held_share
-        Share of steps in which the positions were held without a search.
-    deadlock_share
-        Share of searches that ended in a deadlock; 0 if there was no search.
-    """
-
-    thd: FloatArray
-    thd_mean: float
-    switching: SwitchingFrequency
+    thd: FloatArray  # (3,): Total harmonic distortion of each phase current, a ratio (0.05 is 5 %)
+    thd_mean: float  # Root mean square of the three
+    switching: SwitchingFrequency  # Average switching frequencies, Hz
+    # (7,): Largest excess over the bound per output [i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c],
+    # per unit; 0 where the bound was never exceeded.
     violations: FloatArray
-    held_share: float
-    deadlock_share: float
+    held_share: float  # Share of steps in which the positions were held without a search
+    deadlock_share: float  # Share of searches that ended in a deadlock; 0 if there was no search
 
 
 def switching_frequency(
     positions: IntArray, ts: float, leg: Converter | None = None
 ) -> SwitchingFrequency:
-    """Average switching frequency of a sequence of positions.
+    """Average switching frequency of positions (n + 1, 3), the first before the run; `ts` in s.
 
-    Parameters
-    ----------
-    positions : ndarray of int64, shape (n + 1, 3)
-        Positions before the first step and during each of n steps.
-    ts : float
-        Sampling interval in seconds.
-    leg : Converter, optional
-        Whose positions they are; the usual one of a drive file if not given.
-
-    Returns
-    -------
-    SwitchingFrequency
-        Hz.
-
-    Raises
-    ------
-    ValueError
-        If the sequence is shorter than one step or holds a transition the graph does not have.
+    ValueError if there is less than a step or a transition that the leg does not have.
     """
     leg = leg or tables.leg_of(tables.DEFAULT)
     before, after = positions[:-1], positions[1:]
@@ -114,17 +73,9 @@ def switching_frequency(
 
 
 def deviations(result: ClosedLoopResult) -> FloatArray:
-    """Distance of each output from its reference at each recorded step (Paper A, eq. 8).
+    """Distance of outputs from references (n, 7), per unit, not negative (Paper A, eq. 8).
 
-    Parameters
-    ----------
-    result : ClosedLoopResult
-        n recorded steps.
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 7)
-        Of i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c, per unit, not negative.
+    i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c.
     """
     n = len(result)
     reference = np.column_stack([result.profile.iref.real, result.profile.iref.imag])
@@ -135,42 +86,14 @@ def deviations(result: ClosedLoopResult) -> FloatArray:
 
 
 def bound_violations(result: ClosedLoopResult, bounds: FloatArray) -> FloatArray:
-    """Largest excess over the bound per output, per unit; 0 where there is none (Paper A, eq. 8).
-
-    Parameters
-    ----------
-    result : ClosedLoopResult
-        n recorded steps.
-    bounds : ndarray of float64, shape (7,)
-        Half widths of i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c, per unit.
-
-    Returns
-    -------
-    ndarray of float64, shape (7,)
-        In the order of `bounds`, per unit.
-    """
+    """Largest excess over each bound (7,), per unit; 0 where there is none (Paper A, eq. 8)."""
     return np.maximum(deviations(result).max(axis=0) - bounds, 0.0)
 
 
 def summarise(drive: PerUnitDrive, result: ClosedLoopResult) -> Summary:
-    """Collect the figures of merit of a run at constant omega_s.
+    """Figures of merit of a run at constant omega_s: a ratio, Hz and per unit.
 
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        Control period and bounds.
-    result : ClosedLoopResult
-        n recorded steps at one stator frequency.
-
-    Returns
-    -------
-    Summary
-        Distortion as a ratio, frequencies in Hz, violations per unit.
-
-    Raises
-    ------
-    ValueError
-        If omega_s varies, or the run does not cover one fundamental period.
+    ValueError if omega_s varies or the run does not cover one fundamental period.
     """
     omega_s = result.profile.omega_s
     if np.ptp(omega_s) != 0.0:

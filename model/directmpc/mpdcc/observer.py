@@ -79,22 +79,10 @@ ANGLE_SHIFT = 17
 def coefficients(
     drive: PerUnitDrive, crossover: float = CROSSOVER
 ) -> tuple[dict[str, int], list[str]]:
-    """Coefficients of the flux for a drive.
+    """Signed 18-bit words of the flux by name, and a sentence per word that was saturated.
 
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        Load and control period the observer is set up for. It serves induction machines alone:
-        with any other load all words are 0.
-    crossover : float
-        Frequency below which the current model and above which the voltage model rules, pu.
-
-    Returns
-    -------
-    words : dict of int
-        Name -> signed 18-bit word, in port order.
-    problems : list of str
-        One sentence per word that did not fit and was saturated.
+    Below `crossover` (pu) the current model rules, above it the voltage model. It serves induction
+    machines alone: with any other load all words are 0.
     """
     m, h = drive.machine, drive.ts_pu
     if not isinstance(m, InductionMachine):
@@ -124,18 +112,7 @@ def coefficients(
 
 
 def array(words: dict[str, int]) -> IntArray:
-    """Coefficients in port order, for compiled code.
-
-    Parameters
-    ----------
-    words : dict of int
-        Of ``coefficients``.
-
-    Returns
-    -------
-    ndarray of int64, shape (11,)
-        Signed 18-bit words in the order of ``COEFFICIENTS``.
-    """
+    """``coefficients`` in port order (11,), for compiled code."""
     return np.array([words[name] for name in COEFFICIENTS], dtype=np.int64)
 
 
@@ -172,21 +149,9 @@ _PORT_WIDTH = FLUX.width
 
 @njit
 def voltages(m, s):
-    """Voltages along alpha and beta as ``state_observer`` forms them.
+    """2 v_a - v_b - v_c and v_b - v_c as in ``state_observer``, and 1 where one did not fit.
 
-    Parameters
-    ----------
-    m : ndarray of int64, shape (8,) or longer
-        As of ``step_words``.
-    s : ndarray of int64, shape (3,)
-        Positions applied until now.
-
-    Returns
-    -------
-    v_alpha, v_beta : int
-        2 v_a - v_b - v_c and v_b - v_c, LSB of ``formats.LINK_VOLTAGE``, 18 bits.
-    saturated : int
-        1 where one did not fit.
+    LSB of ``formats.LINK_VOLTAGE``, 18 bits.
     """
     v = np.empty(3, dtype=np.int64)
     for x in range(3):
@@ -199,25 +164,10 @@ def voltages(m, s):
 
 @njit
 def step_words(coefficient, state, m, s):
-    """One step of the flux of ``state_observer``.
+    """One step of the flux of ``state_observer``: psir_alpha, psir_beta at k in words, saturated.
 
-    Parameters
-    ----------
-    coefficient : ndarray of int64, shape (11,)
-        Of ``array``.
-    state : ndarray of int64, shape (7,)
-        See ``STATE_WORDS``; replaced by the next.
-    m : ndarray of int64, shape (8,)
-        is_alpha, is_beta, v_n, v_ph_a, v_ph_b, v_ph_c, v_dc, omega_r as the core's ports take them.
-    s : ndarray of int64, shape (3,)
-        Positions applied until now.
-
-    Returns
-    -------
-    psir_alpha, psir_beta : int
-        Rotor flux at k as the core's ports take it, LSB of ``formats.FLUX``.
-    saturated : int
-        1 where a word, or the state before, did not hold its value.
+    `state` (7,) is replaced. `m` (8,): is_alpha, is_beta, v_n, v_ph_a, v_ph_b, v_ph_c, v_dc,
+    omega_r in words; s was applied until now.
     """
     c = _words(coefficient)
     guard = GUARD
@@ -255,20 +205,7 @@ def step_words(coefficient, state, m, s):
 
 
 def state_of(load: Load, current: complex, flux: complex) -> IntArray:
-    """State of the twin that has found current and rotor flux.
-
-    Parameters
-    ----------
-    load : Load
-        Load the observer is set up for.
-    current, flux : complex
-        Stator current and rotor flux, per unit.
-
-    Returns
-    -------
-    ndarray of int64, shape (7,)
-        See ``STATE_WORDS``.
-    """
+    """State (7,) of the twin that has found current and rotor flux, per unit."""
     stator = load.coupling * flux + load.inductance * current
     state = np.zeros(STATE_WORDS, dtype=np.int64)
     values = (flux.real, flux.imag, stator.real, stator.imag)
@@ -284,19 +221,9 @@ _FLUX_UNIT = float(FLUX.scale)
 
 @njit
 def step_row(coefficient, state, x, vdc, omega_r, s):
-    """One step in front of a controller that works per unit: the rotor flux of a row replaced.
+    """One step per unit: the rotor flux of x (8,) becomes the observer's; s was applied until now.
 
-    Parameters
-    ----------
-    coefficient, state : ndarray of int64
-        As of ``step_words``.
-    x : ndarray of float64, shape (8,)
-        Measured i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta, v_n, v_ph_a, v_ph_b, v_ph_c, per
-        unit; the flux becomes the observer's.
-    vdc, omega_r : float
-        Per unit.
-    s : ndarray of int64, shape (3,)
-        Positions applied until now.
+    x is i_s_alpha, i_s_beta, psi_r_alpha, psi_r_beta, v_n, v_ph_a, v_ph_b, v_ph_c.
     """
     real = np.empty(8)
     real[0], real[1] = x[0], x[1]
@@ -308,22 +235,7 @@ def step_row(coefficient, state, x, vdc, omega_r, s):
 
 
 class FluxObserver:
-    """The observer of a drive with its state, step by step, bit-true.
-
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        Machine and control period that it is set up for.
-    current, flux : complex
-        Stator current and rotor flux that it begins with, per unit.
-
-    Attributes
-    ----------
-    coefficient, state : ndarray of int64
-        As of ``step_words``.
-    first_row : int
-        Of the converter in ``tables``.
-    """
+    """The observer of a drive, step by step, bit-true; it begins with current and flux per unit."""
 
     def __init__(self, drive: PerUnitDrive, current: complex, flux: complex) -> None:
         words, _ = coefficients(drive)
@@ -332,17 +244,7 @@ class FluxObserver:
         self.first_row = tables.base_of(drive.inverter.topology)
 
     def row(self, x: NDArray[np.float64], vdc: float, omega_r: float, s: IntArray) -> None:
-        """One step per unit, in place.
-
-        Parameters
-        ----------
-        x : ndarray of float64, shape (8,)
-            As of ``step_row``.
-        vdc, omega_r : float
-            Per unit.
-        s : ndarray of int64, shape (3,)
-            Positions applied until now.
-        """
+        """One step per unit, in place, as ``step_row``."""
         row = np.asarray(s, dtype=np.int64) + self.first_row
         step_row(self.coefficient, self.state, x, vdc, omega_r, row)
 
@@ -353,22 +255,7 @@ class FluxObserver:
         omega_r: NDArray[np.float64],
         s: IntArray,
     ) -> NDArray[np.float64]:
-        """Steps one after the other.
-
-        Parameters
-        ----------
-        x : ndarray of float64, shape (n, 8)
-            As of ``step_row``; not changed.
-        vdc, omega_r : ndarray of float64, shape (n,)
-            Per unit.
-        s : ndarray of int64, shape (n, 3)
-            Positions applied until each of them.
-
-        Returns
-        -------
-        ndarray of float64, shape (n, 8)
-            With the rotor flux of the observer.
-        """
+        """A copy of rows (n, 8) with the observer's flux; s (n, 3) as of ``step_row``."""
         found = x.copy()
         for row, v, omega, positions in zip(found, vdc, omega_r, s, strict=True):
             self.row(row, float(v), float(omega), positions)
@@ -392,31 +279,10 @@ def step_ideal(
     voltage: complex,
     omega_r: float,
 ) -> tuple[complex, IdealState]:
-    """One step in float64; everything per unit.
+    """One step in float64, per unit: rotor flux at k, and the state.
 
-    Parameters
-    ----------
-    machine : InductionMachine
-        Machine the observer is set up for.
-    h : float
-        Control period.
-    crossover : float
-        Frequency below which the current model and above which the voltage model rules.
-    state : IdealState
-        At k-1.
-    current : complex
-        Stator current at k.
-    voltage : complex
-        Stator voltage from k-1 to k.
-    omega_r : float
-        Rotor speed at k.
-
-    Returns
-    -------
-    flux : complex
-        Rotor flux at k.
-    state : IdealState
-        At k.
+    Below `crossover` the current model rules; the voltage was applied from k-1 to k, over the
+    period `h`.
     """
     m, mean = machine, 0.5 * (current + state.current)
     pole = -m.rr / m.xr + 1j * omega_r

@@ -30,32 +30,19 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class Parabola:
-    """Coefficients of b and c, per unit of current error and per step.
+    """Coefficients of b and c, per unit of current error and per step."""
 
-    Attributes
-    ----------
-    stator, rotor, emf : float
-        b: factors of i_s, psi_r and j*omega_r*psi_r.
-    reference : float
-        b: factor of j*omega_s*i*.
-    forced : float
-        b: minus the factor of the stator voltage.
-    curvature_emf, curvature_flux : float
-        c: factors of j*omega_r*psi_r and -omega_r^2*psi_r.
-    curvature_reference : float
-        c: factor of -omega_s^2*i*.
-    residual : float
-        Largest error of the fit at l = FAR over the speeds, for a state of 1, per unit.
-    """
-
+    # stator, rotor, emf: b: factors of i_s, psi_r and j*omega_r*psi_r.
     stator: float
     rotor: float
     emf: float
-    reference: float
-    forced: float
+    reference: float  # b: factor of j*omega_s*i*
+    forced: float  # b: minus the factor of the stator voltage
+    # curvature_emf, curvature_flux: c: factors of j*omega_r*psi_r and -omega_r^2*psi_r.
     curvature_emf: float
     curvature_flux: float
-    curvature_reference: float
+    curvature_reference: float  # c: factor of -omega_s^2*i*
+    # Largest error of the fit at l = FAR over the speeds, for a state of 1, per unit.
     residual: float
 
 
@@ -75,36 +62,12 @@ def _fit(omega: NDArray[np.float64], values: ComplexArray, powers: tuple[int, ..
 
 
 def fit_parabola(load: Load, ts: float) -> Parabola:
-    """Fit the parabola's coefficients to the exact load (instead of Paper A, eq. 14).
-
-    Parameters
-    ----------
-    load : Load
-        Per unit.
-    ts : float
-        Sampling interval, per unit.
-
-    Returns
-    -------
-    Parabola
-        Per unit of current error, per step and per square step.
-    """
+    """Fit the parabola's coefficients to the exact load (instead of Paper A, eq. 14). Per unit."""
     matrices = load.matrices
     omega = np.linspace(-SPEED_RANGE, SPEED_RANGE, 53)
 
     def exact(steps: int) -> list[ComplexArray]:
-        """Factors of i_s, psi_r, i* and v in the current error some steps on, at each speed.
-
-        Parameters
-        ----------
-        steps : int
-            Steps ahead.
-
-        Returns
-        -------
-        list of ndarray of complex128, shape (53,)
-            One array per factor, per unit.
-        """
+        """Factors of i_s, psi_r, i* and v in the error after steps, each (53,), per unit."""
         rows = [discretise(matrices, w, steps * ts) for w in omega]
         a11, a12, b1 = (np.array([row[k] for row in rows]) for k in (0, 1, 4))
         return [1 - a11, -a12, np.exp(1j * omega * steps * ts) - 1, b1]

@@ -31,24 +31,13 @@ POSITIONS_ABC = MAX_POSITIONS**3
 
 
 class PlantData(NamedTuple):
-    """The plant for compiled code.
-
-    Attributes
-    ----------
-    load, speed : (4, 4)
-        The load's A is load + omega_r * speed.
-    voltage : (4, 3), currents : (3, 2)
-        The load's B on v_abc; K^-1 of eq. (1).
-    steps : (512, 8, 9)
-        Discretised plant [A_d | b_d] per position 64 s_a + 8 s_b + s_c.
-    speeds : (512,)
-        omega_r that each entry of `steps` is for; NaN before the first use.
-    """
+    """The plant for compiled code."""
 
     ts: float
+    # load, speed: (4, 4): The load's A is load + omega_r * speed.
     load: FloatArray
     speed: FloatArray
-    voltage: FloatArray
+    voltage: FloatArray  # (4, 3): The load's B on v_abc; K^-1 of eq. (1)
     currents: FloatArray
     xdc: float
     xph: float
@@ -57,30 +46,18 @@ class PlantData(NamedTuple):
     capacitor: FloatArray
     neutral_current: FloatArray
     capacitor_current: FloatArray
+    # (512, 8, 9): Discretised plant [A_d | b_d] per position 64 s_a + 8 s_b + s_c.
     steps: FloatArray
+    # (512,): omega_r that each entry of `steps` is for; NaN before the first use.
     speeds: FloatArray
 
 
 def plant_data(
     load: Load, xdc: float, xph: float, ts: float, leg: Converter | None = None
 ) -> PlantData:
-    """Build the plant's data from its own parameters (Paper A, eqs. 1, 2 and 4).
+    """The plant's data, per unit, with an empty cache of steps (Paper A, eqs. 1, 2 and 4).
 
-    Parameters
-    ----------
-    load : Load
-        What the inverter feeds, per unit.
-    xdc, xph : float
-        Reactances of a dc-link capacitor and of a phase capacitor, per unit.
-    ts : float
-        Control period, per unit.
-    leg : Converter, optional
-        Feeds the load; the usual one of a drive file if not given.
-
-    Returns
-    -------
-    PlantData
-        With an empty cache of discretised steps.
+    `xdc` and `xph` are reactances of a dc-link and of a phase capacitor.
     """
     leg = leg or tables.leg_of(tables.DEFAULT)
     return PlantData(
@@ -167,19 +144,7 @@ def _exponential(matrix, h, out):
 
 @njit
 def plant_step(data, state, s_abc, omega_r, vdc):
-    """Advance the state by T_s, in place.
-
-    Parameters
-    ----------
-    data : PlantData
-        From `plant_data`; its cache is filled as positions come up.
-    state : ndarray of float64, shape (8,)
-        As in `Plant`, per unit; changed in place.
-    s_abc : ndarray of int64, shape (3,)
-        Positions applied, 0..7.
-    omega_r, vdc : float
-        Rotor speed and dc-link voltage, constant over the step, per unit.
-    """
+    """Advance the state (8,), per unit, by T_s in place; steps are kept in the cache."""
     index = 64 * s_abc[0] + 8 * s_abc[1] + s_abc[2]
     step = data.steps[index]
     if data.speeds[index] != omega_r:
@@ -192,21 +157,7 @@ def plant_step(data, state, s_abc, omega_r, vdc):
 
 @njit
 def plant_advance(data, state, s_abc, omega_r, vdc, time):
-    """Advance the state by any time, in place; nothing is kept for the next time.
-
-    Parameters
-    ----------
-    data : PlantData
-        From `plant_data`.
-    state : ndarray of float64, shape (8,)
-        As in `Plant`, per unit; changed in place.
-    s_abc : ndarray of int64, shape (3,)
-        Positions applied, 0..7.
-    omega_r, vdc : float
-        Rotor speed and dc-link voltage, constant over the time, per unit.
-    time : float
-        Per unit, 0 or more.
-    """
+    """Advance the state (8,), per unit, by any time in place; nothing is kept for the next time."""
     matrix, step = np.empty((8, 9)), np.empty((8, 9))
     _continuous(data, s_abc, omega_r, matrix)
     _exponential(matrix, time, step)
@@ -327,23 +278,6 @@ class Plant:
 
 
 def stator_voltage(leg: Converter, s_abc: Sequence[int], state: FloatArray, vdc: float) -> complex:
-    """Stator voltage vector of a position at a state (Paper A, eqs. 1 and 2).
-
-    Parameters
-    ----------
-    leg : Converter
-        Whose positions they are.
-    s_abc : sequence of int
-        Positions of phases a, b, c.
-    state : ndarray of float64, shape (8,)
-        As in `Plant`, per unit.
-    vdc : float
-        dc-link voltage, per unit.
-
-    Returns
-    -------
-    complex
-        alpha + j*beta, per unit.
-    """
+    """Stator voltage, per unit, of a position at a state (8,) (Paper A, eqs. 1 and 2)."""
     alpha, beta = CLARKE @ leg.phase_voltages(s_abc, vdc, state[4], state[5:])
     return complex(alpha, beta)

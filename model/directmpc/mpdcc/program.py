@@ -169,23 +169,12 @@ STEPS: tuple[str, ...] = (
 
 @dataclass(frozen=True)
 class Step:
-    """One product of the program.
+    """One product of the program."""
 
-    Attributes
-    ----------
-    a : str
-        Operand A: one of SIGNALS or PRODUCTS.
-    b : str
-        Operand B: one of COEFFICIENTS or SPEEDS.
-    alignment : int
-        Index into ``formats.ALIGNMENT``: left shift of the product.
-    result : str
-        One of PRODUCTS or TERMS; successive steps of one block with the same result accumulate.
-    """
-
-    a: str
-    b: str
-    alignment: int
+    a: str  # Operand A: one of SIGNALS or PRODUCTS
+    b: str  # Operand B: one of COEFFICIENTS or SPEEDS
+    alignment: int  # Index into ``formats.ALIGNMENT``: left shift of the product
+    # One of PRODUCTS or TERMS; successive steps of one block with the same result accumulate.
     result: str
 
 
@@ -392,33 +381,15 @@ Program = tuple[tuple[Step | None, ...], ...]
 
 @dataclass(frozen=True)
 class Plan:
-    """What the blocks of a core run, by what its converter has.
+    """What the blocks of a core run, by what its converter has."""
 
-    Attributes
-    ----------
-    programs : dict of str to Program
-        As ``PROGRAMS``.
-    successor : Program
-        As ``SUCCESSOR``.
-    registers : dict of str to dict of str to str
-        As ``REGISTERS``.
-    absent : frozenset of str
-        Results that no step computes.
-    capacitor_step : int
-        Step that completes what the capacitor search needs.
-    successor_step : int
-        Likewise of the successor's program, before its first read.
-    saturating : tuple of str
-        As ``SUCCESSOR_SATURATES``.
-    """
-
-    programs: dict[str, Program]
-    successor: Program
-    registers: dict[str, dict[str, str]]
-    absent: frozenset[str]
-    capacitor_step: int
-    successor_step: int
-    saturating: tuple[str, ...] = SUCCESSOR_SATURATES
+    programs: dict[str, Program]  # As ``PROGRAMS``
+    successor: Program  # As ``SUCCESSOR``
+    registers: dict[str, dict[str, str]]  # As ``REGISTERS``
+    absent: frozenset[str]  # Results that no step computes
+    capacitor_step: int  # Step that completes what the capacitor search needs
+    successor_step: int  # Likewise of the successor's program, before its first read
+    saturating: tuple[str, ...] = SUCCESSOR_SATURATES  # As ``SUCCESSOR_SATURATES``
 
 
 #: Results that are about phase capacitors; phase_* gives the signs of the currents too.
@@ -459,18 +430,7 @@ def _without(program: Program, absent: Collection[str]) -> Program:
 
 
 def plan_of(leg: Converter) -> Plan:
-    """What the blocks run for a converter.
-
-    Parameters
-    ----------
-    leg : Converter
-        What it has of capacitors, neutral point and weights counts.
-
-    Returns
-    -------
-    Plan
-        ``USUAL`` where all is there.
-    """
+    """What the blocks run for a converter."""
     capacitors, neutral = bool(leg.capacitor.any()), bool(leg.neutral.any())
     capacitor_currents = capacitors or leg.has_signed_weights
     quarters = round(4 * leg.capacitor_share) or 1
@@ -503,18 +463,7 @@ def plan_of(leg: Converter) -> Plan:
 
 
 def result_width(name: str) -> int:
-    """Width in bits of a result (saturating).
-
-    Parameters
-    ----------
-    name : str
-        One of PRODUCTS or TERMS.
-
-    Returns
-    -------
-    int
-        Bits, sign included.
-    """
+    """Width in bits of a result (saturating). The sign is included."""
     if name == "weight_start" or name in PRODUCTS:
         return f.OPERAND_WIDTH
     if name.removesuffix("_alpha").removesuffix("_beta") in ("phase", "midpoint"):
@@ -539,19 +488,9 @@ def _largest_signal(name: str) -> int:
 
 
 def largest_sums(program: Program) -> dict[str, int]:
-    """Largest magnitude each result of a program can have before it is saturated.
+    """Largest magnitude of each sum before saturation, ``formats.RESULT_SHIFT`` bits below its LSB.
 
     Every operand and coefficient is taken at the extreme of its word, whatever a drive allows.
-
-    Parameters
-    ----------
-    program : tuple of tuple of Step
-        One tuple per block, as in ``PROGRAMS``.
-
-    Returns
-    -------
-    dict of str to int
-        Result to its sum in the accumulator, ``formats.RESULT_SHIFT`` bits below its LSB.
     """
     largest: dict[str, int] = {}
     for clock in range(max(len(block) for block in program)):
@@ -572,22 +511,7 @@ def largest_sums(program: Program) -> dict[str, int]:
 
 
 def saturates(variant: str, name: str, plan: Plan = USUAL) -> bool:
-    """Whether a result can exceed its word at all: only then is there logic to saturate it.
-
-    Parameters
-    ----------
-    variant : str
-        "paper" or "fast".
-    name : str
-        One of PRODUCTS or TERMS.
-    plan : Plan
-        What the blocks run.
-
-    Returns
-    -------
-    bool
-        False as well where no step of the variant computes it.
-    """
+    """Whether a result can exceed its word at all: only then is there logic to saturate it."""
     sums = largest_sums(plan.programs[variant])
     if variant == "fast" and name in plan.saturating:
         return True
@@ -597,22 +521,7 @@ def saturates(variant: str, name: str, plan: Plan = USUAL) -> bool:
 def base_alignment(program: Program, result: str) -> int:
     """Smallest alignment among the products of a result: it costs no logic, only wiring.
 
-    Parameters
-    ----------
-    program : tuple of tuple of (Step or None)
-        One tuple per block, as in ``PROGRAMS`` or ``SUCCESSOR``.
-    result : str
-        One of its results.
-
-    Returns
-    -------
-    int
-        Index into ``formats.ALIGNMENT``.
-
-    Raises
-    ------
-    ValueError
-        If no step has this result.
+    An index into ``formats.ALIGNMENT``.
     """
     return min(
         step.alignment for block in program for step in block if step and step.result == result
@@ -620,20 +529,7 @@ def base_alignment(program: Program, result: str) -> int:
 
 
 def check_program(variant: str, plan: Plan = USUAL) -> None:
-    """Check that no step reads a product before it exists and no sum is interrupted.
-
-    Parameters
-    ----------
-    variant : str
-        "paper" or "fast".
-    plan : Plan
-        What the blocks run.
-
-    Raises
-    ------
-    ValueError
-        Naming the operand, the sum or the term that is wrong, and its clock.
-    """
+    """ValueError where a step reads a product before it exists, or a sum is interrupted."""
     program = plan.programs[variant]
     ready: dict[str, int] = {}
     for block in program:
@@ -666,21 +562,7 @@ def check_program(variant: str, plan: Plan = USUAL) -> None:
 
 
 def check_registers(run: str, plan: Plan = USUAL) -> None:
-    """Check that a product has been read for the last time when another result takes its register.
-
-    Parameters
-    ----------
-    run : str
-        Key of REGISTERS.
-    plan : Plan
-        What the blocks run.
-
-    Raises
-    ------
-    ValueError
-        Naming the result, where it and the product do not come from one block at one alignment, or
-        where a step reads the product later.
-    """
+    """ValueError where a result takes the register of a product that is read later."""
     root = plan.programs["paper" if run == "paper" else "fast"]
     after = plan.successor if run == "successor" else ()
     # what both programs compute is taken at the same bit of the accumulator, whichever are run
@@ -703,19 +585,9 @@ def check_registers(run: str, plan: Plan = USUAL) -> None:
 
 
 def largest_of_blocks(run: str, plan: Plan = USUAL) -> list[int]:
-    """Largest magnitude in the accumulator of each block, whatever the operands are.
+    """Largest magnitude in each block's accumulator, in its LSB, whatever the operands are.
 
-    Parameters
-    ----------
-    run : str
-        "paper", "fast", or "successor" for the fast variant's program and the successor's.
-    plan : Plan
-        What the blocks run.
-
-    Returns
-    -------
-    list of int
-        One per block, in units of the accumulator's LSB.
+    `run` is "paper", "fast", or "successor" for the fast variant's program and the successor's.
     """
     root = plan.programs["paper" if run == "paper" else "fast"]
     aligned = root if run == "paper" else (*root, *plan.successor)
@@ -740,18 +612,7 @@ def largest_of_blocks(run: str, plan: Plan = USUAL) -> list[int]:
 
 
 def check_successor(program: Program) -> None:
-    """Check that a successor's program reads no product before it exists.
-
-    Parameters
-    ----------
-    program : tuple of tuple of (Step or None)
-        As ``SUCCESSOR``.
-
-    Raises
-    ------
-    ValueError
-        Naming the operand and its clock, or where the blocks differ in length.
-    """
+    """ValueError where a product is read before it exists, or blocks differ in length."""
     ready = {
         step.result: clock + RESULT_LATENCY
         for block in program

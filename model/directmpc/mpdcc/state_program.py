@@ -74,52 +74,25 @@ PHASE_WIDTH = 20  # bits of a phase voltage, signed
 
 @dataclass(frozen=True)
 class Product:
-    """One product, or with B = "" a word that is read for a move.
+    """One product, or with B = "" a word that is read for a move."""
 
-    Attributes
-    ----------
-    clock : int
-        Clock in which it is issued.
-    a : str
-        Word of the register file, or a source. In front of it may stand: "-" for its complement,
-        "half " for half of it, "old " for a state that is zero in the first step.
-    b : str
-        Word of operand B.
-    seed : str
-        What the sum begins with; empty: the product is added to the sum so far.
-    taker : str
-        What happens with the sum that it ends; empty: the sum goes on.
-    alignment : int
-        Steps of three bits.
-    """
-
-    clock: int
+    clock: int  # Clock in which it is issued
+    # Word of the register file, or a source. In front of it may stand: "-" for its complement,
+    # "half " for half of it, "old " for a state that is zero in the first step.
     a: str
-    b: str = ""
-    seed: str = ""
-    taker: str = ""
-    alignment: int = 0
+    b: str = ""  # Word of operand B
+    seed: str = ""  # What the sum begins with; empty: the product is added to the sum so far
+    taker: str = ""  # What happens with the sum that it ends; empty: the sum goes on
+    alignment: int = 0  # Steps of three bits
 
     @property
     def source(self) -> str:
-        """What is read.
-
-        Returns
-        -------
-        str
-            Word of the register file, or one of ``SOURCES``.
-        """
+        """What is read: a word of the register file, or one of ``SOURCES``."""
         return self.a.removeprefix("-").removeprefix("half ").removeprefix("old ")
 
     @property
     def select(self) -> int:
-        """Operand A in bits.
-
-        Returns
-        -------
-        int
-            Place, then one bit each for not old, half and complement, then the source.
-        """
+        """Operand A in bits: place, a bit each for not old, half, complement, then the source."""
         word = self.source in WORDS
         place = WORDS.index(self.source) if word else 0
         flags = 16 * ("old " not in self.a) + 32 * ("half " in self.a) + 64 * self.a.startswith("-")
@@ -128,38 +101,19 @@ class Product:
 
 @dataclass(frozen=True)
 class Move:
-    """One move into the register file.
+    """One move into the register file."""
 
-    Attributes
-    ----------
-    clock : int
-        Clock at whose end it is written; a clock later, if it is joined.
-    word : str
-        Word that is written.
-    what : str
-        One of ``MOVED``.
-    joined : bool
-        Whether it is a sum with the word that is read, or for result a difference from it; half of
-        it is written.
-    observed : bool
-        Whether only a step whose flux is used moves it.
-    """
-
-    clock: int
-    word: str
-    what: str
+    clock: int  # Clock at whose end it is written; a clock later, if it is joined
+    word: str  # Word that is written
+    what: str  # One of ``MOVED``
+    # Whether it is a sum with the word that is read, or for result a difference from it; half of it
+    # is written.
     joined: bool = False
-    observed: bool = False
+    observed: bool = False  # Whether only a step whose flux is used moves it
 
     @property
     def select(self) -> int:
-        """The move in bits.
-
-        Returns
-        -------
-        int
-            Number of what is moved, then one bit each for: not joined, observed alone, moves.
-        """
+        """The move in bits: what moves, a bit each for not joined, observed alone, moves."""
         return MOVED.index(self.what) + 8 * (not self.joined) + 16 * self.observed + 32
 
 
@@ -280,18 +234,7 @@ LEAKAGE_AT = _F + 58
 
 
 def takings(products: Sequence[Product] = PRODUCTS) -> dict[int, str]:
-    """Clock -> what takes the sum that stands in the accumulator.
-
-    Parameters
-    ----------
-    products : sequence of Product
-        In the order of their clocks.
-
-    Returns
-    -------
-    dict of int to str
-        Values are of ``TAKERS``.
-    """
+    """Clock -> what takes the sum that stands in the accumulator, of ``TAKERS``."""
     return {p.clock + TAKEN: p.taker for p in products if p.taker}
 
 
@@ -305,18 +248,6 @@ def check(products: Sequence[Product] = PRODUCTS, moves: Sequence[Move] = MOVES)
     One product, one move a clock; words that exist; sums that have a beginning and an end; a result
     moved before the next one; nothing behind its part's end; one word written a clock, none read
     before.
-
-    Parameters
-    ----------
-    products : sequence of Product
-        In the order of their clocks.
-    moves : sequence of Move
-        In the order of their clocks.
-
-    Raises
-    ------
-    ValueError
-        Naming the clock.
     """
     taken = takings(products)
     if len(taken) != sum(bool(p.taker) for p in products):

@@ -21,18 +21,7 @@ _ALL = tuple(converter.load(name) for name in NAMES)
 
 
 def base_of(name: str) -> int:
-    """Row of a converter's position 0.
-
-    Parameters
-    ----------
-    name : str
-        One of `NAMES`.
-
-    Returns
-    -------
-    int
-        A multiple of 8.
-    """
+    """Row of position 0 of a converter of `NAMES`, a multiple of 8."""
     return MAX_POSITIONS * NAMES.index(name)
 
 
@@ -93,16 +82,5 @@ TRANSITION_WEIGHT = _weights()
 
 
 def leg_of(name: str) -> Converter:
-    """Converter of a name.
-
-    Parameters
-    ----------
-    name : str
-        One of `NAMES`.
-
-    Returns
-    -------
-    Converter
-        Checked against its circuit.
-    """
+    """Converter of a name of `NAMES`."""
     return _ALL[NAMES.index(name)]

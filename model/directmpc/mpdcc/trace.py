@@ -60,53 +60,22 @@ _DECISION_COLUMNS = (
 
 @dataclass(frozen=True)
 class MpdccTrace:
-    """Inputs of an MPDCC controller, one row per control step, per unit.
+    """Inputs of an MPDCC controller, one row per control step, per unit."""
 
-    Attributes
-    ----------
-    x_m : (n, 4)
-        Stator current and rotor flux linkage, alpha and beta.
-    x_inv : (n, 4)
-        v_n and the three phase capacitor voltages.
-    vdc : (n,)
-        dc-link voltage.
-    iref : (n, 2)
-        Current reference, alpha and beta.
-    omega_s, omega_r : (n,)
-        Stator and rotor angular speed.
-    s_prev : (n, 3)
-        Switch positions applied until now, s(k-1).
-    """
-
-    x_m: FloatArray
-    x_inv: FloatArray
-    vdc: FloatArray
-    iref: FloatArray
+    x_m: FloatArray  # (n, 4): Stator current and rotor flux linkage, alpha and beta
+    x_inv: FloatArray  # (n, 4): v_n and the three phase capacitor voltages
+    vdc: FloatArray  # (n,): dc-link voltage
+    iref: FloatArray  # (n, 2): Current reference, alpha and beta
+    # omega_s, omega_r: (n,): Stator and rotor angular speed.
     omega_s: FloatArray
     omega_r: FloatArray
-    s_prev: IntArray
+    s_prev: IntArray  # (n, 3): Switch positions applied until now, s(k-1)
 
     def __len__(self) -> int:
         return len(self.omega_s)
 
     def rows(self, selection: slice | NDArray[np.bool_] | IntArray) -> MpdccTrace:
-        """Pick rows as numpy indexing does.
-
-        Parameters
-        ----------
-        selection : slice or ndarray
-            What numpy takes as an index of n rows.
-
-        Returns
-        -------
-        MpdccTrace
-            The rows picked, in the order of the selection.
-
-        Raises
-        ------
-        IndexError
-            If the selection names a row that there is not.
-        """
+        """Pick rows as numpy indexing does; IndexError for a row that there is not."""
         return MpdccTrace(
             self.x_m[selection],
             self.x_inv[selection],
@@ -120,28 +89,16 @@ class MpdccTrace:
 
 @dataclass(frozen=True)
 class Decisions:
-    """Outputs of an MPDCC controller, one row per control step.
+    """Outputs of an MPDCC controller, one row per control step."""
 
-    Attributes
-    ----------
-    s : (n, 3)
-        Switch positions to apply.
-    held, deadlock, saturated : (n,)
-        Flags, 0 or 1.
-    length : (n,)
-        L* of the choice (L1 for SESE); 0 when held or deadlocked.
-    cycles : (n,) or None
-        Clock cycles of the decision; None where no clock is modelled.
-    exhausted : (n,) or None
-        1: SESE's budget ended the search; None where it is not known.
-    """
-
-    s: IntArray
+    s: IntArray  # (n, 3): Switch positions to apply
+    # held, deadlock, saturated: (n,): Flags, 0 or 1.
     held: IntArray
     deadlock: IntArray
-    length: IntArray
-    cycles: IntArray | None
+    length: IntArray  # (n,): L* of the choice (L1 for SESE); 0 when held or deadlocked
+    cycles: IntArray | None  # (n,): Clock cycles of the decision; None where no clock is modelled
     saturated: IntArray
+    # (n,): 1: SESE's budget ended the search; None where it is not known.
     exhausted: IntArray | None = None
 
     def __len__(self) -> int:
@@ -149,18 +106,7 @@ class Decisions:
 
     @classmethod
     def of_words(cls, words: IntArray) -> Decisions:
-        """Decisions of a compiled controller, which has no clock.
-
-        Parameters
-        ----------
-        words : ndarray of int64, shape (n, 7)
-            What `ideal.decide` returns, a row for each step; copied.
-
-        Returns
-        -------
-        Decisions
-            n rows; `cycles` and `exhausted` are None.
-        """
+        """Decisions of words (n, 7) of `ideal.decide`, copied; there is no clock."""
         return cls(
             s=words[:, :3].copy(),
             held=words[:, 3].copy(),
@@ -172,24 +118,9 @@ class Decisions:
 
 
 def read_trace(path: PathLike, drive: PerUnitDrive) -> MpdccTrace:
-    """Read an MPDCC trace.
+    """Read an MPDCC trace, per unit; the drive's v_dc where there is no such column.
 
-    Parameters
-    ----------
-    path : str or path
-        CSV file with the columns of `docs/specification.md` in any order; v_dc is optional.
-    drive : PerUnitDrive
-        Supplies v_dc where the file has no such column.
-
-    Returns
-    -------
-    MpdccTrace
-        Every row of the file, in order, per unit.
-
-    Raises
-    ------
-    TraceError
-        If anything is malformed: file, line (the header is line 1), column, what is allowed.
+    TraceError names file, line (the header is line 1), column, and what is allowed.
     """
     highest = drive.converter.positions - 1
     columns = [replace(c, high=highest) if c in _POSITIONS else c for c in _TRACE_COLUMNS]
@@ -213,17 +144,7 @@ def read_trace(path: PathLike, drive: PerUnitDrive) -> MpdccTrace:
 def write_trace(path: PathLike, trace: MpdccTrace) -> None:
     """Write an MPDCC trace, v_dc included, so that reading gives the same numbers bit by bit.
 
-    Parameters
-    ----------
-    path : str or path
-        File to write or to replace.
-    trace : MpdccTrace
-        n rows, per unit.
-
-    Raises
-    ------
-    TraceError
-        If the file cannot be written; nothing is left behind then.
+    TraceError if it cannot be written; nothing is left behind then.
     """
     real = np.column_stack(
         [trace.x_m, trace.x_inv, trace.iref, trace.omega_s, trace.omega_r]
@@ -238,23 +159,7 @@ def write_trace(path: PathLike, trace: MpdccTrace) -> None:
 
 
 def read_decisions(path: PathLike) -> Decisions:
-    """Read the decisions of an MPDCC controller.
-
-    Parameters
-    ----------
-    path : str or path
-        CSV file with the columns of `docs/specification.md` in any order.
-
-    Returns
-    -------
-    Decisions
-        Every row of the file, in order.
-
-    Raises
-    ------
-    TraceError
-        As `read_trace`; also if `cycles` is empty in some rows and not in others.
-    """
+    """Read decisions of an MPDCC controller; TraceError if `cycles` is empty in some rows alone."""
     table = read_table(path, _DECISION_COLUMNS)
     cycles = read_cycles(path, table)
     return Decisions(
@@ -269,21 +174,9 @@ def read_decisions(path: PathLike) -> Decisions:
 
 
 def write_decisions(path: PathLike, decisions: Decisions) -> None:
-    """Write the decisions of an MPDCC controller.
+    """Write decisions of an MPDCC controller; no file is left behind a TraceError.
 
     The column `cycles` stays empty if there are none, `exhausted` is left out.
-
-    Parameters
-    ----------
-    path : str or path
-        File to write or to replace.
-    decisions : Decisions
-        n rows.
-
-    Raises
-    ------
-    TraceError
-        If the file cannot be written; nothing is left behind then.
     """
     cycles = cycle_fields(decisions.cycles, len(decisions))
     flags = [decisions.saturated]

@@ -45,18 +45,9 @@ def _converted(table: str, key: str, value: Any, one: Mapping[str, float]) -> An
 
 
 def per_unit(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert what has a unit.
+    """Tables of a drive file with units in V, A, Hz and s turned per unit; copied.
 
-    Parameters
-    ----------
-    tables : mapping
-        Of a drive file; they stay as they are.
-
-    Returns
-    -------
-    dict of str to any
-        Base values in V, A and Hz, times in s, all else per unit. Where the base is no base, the
-        tables but for it are as they were.
+    Where the base is no base, the other tables stay as they were.
     """
     found = dict(tables)
     if isinstance(found.get("base"), Mapping):

@@ -25,23 +25,12 @@ FIELDS = ("s_a", "s_b", "s_c", "held", "deadlock", "length", "cycles", "saturate
 
 @dataclass(frozen=True)
 class Variant:
-    """What belongs to one variant of the MPDCC core.
+    """What belongs to one variant of the MPDCC core."""
 
-    Attributes
-    ----------
-    registers
-        Register values of a drive.
-    run
-        Its bit-true model over a trace.
-    decide
-        The same for one step, compiled: the signature of `ideal.decide`.
-    decide_words
-        The same on the words of the core's ports: the signature of `paper.decide_words`.
-    """
-
-    registers: Callable[[Drive], Registers]
-    run: Callable[[Drive, MpdccTrace], Decisions]
-    decide: Any
+    registers: Callable[[Drive], Registers]  # Register values of a drive
+    run: Callable[[Drive, MpdccTrace], Decisions]  # Its bit-true model over a trace
+    decide: Any  # The same for one step, compiled: the signature of `ideal.decide`
+    # The same on the words of the core's ports: the signature of `paper.decide_words`.
     decide_words: Any
 
 
@@ -57,21 +46,9 @@ DEFAULT_VARIANT = "fast"
 
 
 def served(drive: Drive, variant: str) -> tuple[Drive, str]:
-    """Make of a drive what a variant serves: Paper A's explorer has Paper A's rules alone.
+    """A drive as a variant serves it, and a sentence on keys that are not applied, or none.
 
-    Parameters
-    ----------
-    drive : Drive
-        As its file has it.
-    variant : str
-        Key of `VARIANTS`.
-
-    Returns
-    -------
-    drive : Drive
-        With `PAPERS_RULES` for the variant "paper", otherwise as it was.
-    note : str
-        One sentence that names the keys which are not applied; empty where all are.
+    Paper A's explorer has Paper A's rules alone (`PAPERS_RULES`).
     """
     other = [key for key, rule in PAPERS_RULES.items() if getattr(drive.control, key) != rule]
     if variant != "paper" or not other:
@@ -81,19 +58,9 @@ def served(drive: Drive, variant: str) -> tuple[Drive, str]:
 
 
 def decisions_of(rows: IntArray, clipped: NDArray[np.bool_] | IntArray) -> Decisions:
-    """Turn what a core answered into decisions.
+    """Decisions of rows (n, 9) in the order of `FIELDS`; `clipped` (n,): the inputs saturated.
 
-    Parameters
-    ----------
-    rows : ndarray of int64, shape (n, 9)
-        In the order of `FIELDS`.
-    clipped : ndarray of bool or int64, shape (n,)
-        True or 1 in rows whose inputs saturated when they were encoded.
-
-    Returns
-    -------
-    Decisions
-        n rows, `exhausted` left out: the decisions file of a replay has no such column.
+    `exhausted` is left out: the decisions file of a replay has no such column.
     """
     fields = {name: rows[:, i] for i, name in enumerate(FIELDS)}
     return Decisions(
@@ -109,20 +76,7 @@ def decisions_of(rows: IntArray, clipped: NDArray[np.bool_] | IntArray) -> Decis
 def count_differences(left: Decisions, right: Decisions) -> int:
     """Rows in which two sets of decisions differ in a field that both have, but for cycles.
 
-    Parameters
-    ----------
-    left, right : Decisions
-        n rows each.
-
-    Returns
-    -------
-    int
-        0 to n.
-
-    Raises
-    ------
-    ValueError
-        If they differ in their number of rows.
+    ValueError if they differ in their number of rows.
     """
     rows = [
         np.column_stack([d.s, d.held, d.deadlock, d.length, d.saturated]) for d in (left, right)

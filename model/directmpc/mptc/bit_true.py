@@ -55,20 +55,7 @@ _ZERO_FROM = ZERO_FROM
 
 @njit
 def to_word(total):
-    """Round a sum of products to a word and saturate; the word, and 1 where it saturated.
-
-    Parameters
-    ----------
-    total : int
-        Sum with 2*FRACTION fractional bits.
-
-    Returns
-    -------
-    word : int
-        FRACTION fractional bits, WORD_WIDTH bits.
-    saturated : int
-        1 where the sum did not fit, else 0.
-    """
+    """Round a sum with 2*FRACTION fractional bits to a word; the word, and 1 where it saturated."""
     return rounded(total, _FRACTION, f.WORD_WIDTH)
 
 
@@ -76,15 +63,7 @@ def to_word(total):
 def magnitude(x, y):
     """Length of a vector times the gain of the micro-rotations (|psi_s| of Paper B, eq. 11).
 
-    Parameters
-    ----------
-    x, y : int
-        Components, MAGNITUDE_FRACTION fractional bits.
-
-    Returns
-    -------
-    int
-        MAGNITUDE_FRACTION fractional bits; too small by MAGNITUDE_SHARE at most.
+    MAGNITUDE_FRACTION fractional bits in and out; too small by MAGNITUDE_SHARE at most.
     """
     if x < 0:
         x = ~x
@@ -100,19 +79,8 @@ def magnitude(x, y):
 def flux_difference(x, y, reference):
     """| K*psi_ref - K*|psi| | as a multiplier operand (second term of Paper B, eq. 11).
 
-    Parameters
-    ----------
-    x, y : int
-        psi_s, MAGNITUDE_FRACTION fractional bits.
-    reference : int
-        psi_ref, a word, times half of the magnitude's gain.
-
-    Returns
-    -------
-    difference : int
-        DIFFERENCE_FRACTION fractional bits, WORD_WIDTH bits.
-    saturated : int
-        1 where it did not fit, else 0.
+    DIFFERENCE_FRACTION bits; x, y have MAGNITUDE_FRACTION bits; `reference` is psi_ref times half
+    of the magnitude's gain. Also 1 where it saturated.
     """
     difference = magnitude(x, y) - (reference << _REFERENCE_SHIFT)
     if difference < 0:
@@ -122,43 +90,16 @@ def flux_difference(x, y, reference):
 
 @njit
 def one_plus_half(coefficient):
-    """1 + x/2 of a negative x as a word: shifted, the sign turned over.
-
-    Parameters
-    ----------
-    coefficient : int
-        x, a word.
-
-    Returns
-    -------
-    int
-        A word; -1 + x/2 of an x that is not negative.
-    """
+    """1 + x/2 of a negative x as a word: shifted, the sign turned over. Else -1 + x/2."""
     half = coefficient >> 1
     return half + _HIGH + 1 if coefficient < 0 else half - _HIGH - 1
 
 
 @njit
 def prediction(c, i_a, i_b, psi_a, psi_b, q, step_a, step_b):
-    """w(k+1) and psi_s(k+1) by Heun's method (Paper B, eqs. 4 and 5).
+    """w(k+1), psi_s(k+1) by Heun's method in words, and saturated (Paper B, eqs. 4 and 5).
 
-    Parameters
-    ----------
-    c : coefficients.Words
-        Of ``coefficients.words``.
-    i_a, i_b, psi_a, psi_b : int
-        Current and flux, words.
-    q : int
-        T_s*omega_r, a word.
-    step_a, step_b : int
-        T_s*u(k), 2*FRACTION fractional bits.
-
-    Returns
-    -------
-    w_alpha, w_beta, psi_alpha, psi_beta : int
-        Words.
-    saturated : int
-        1 where a word did not hold its value.
+    `q` is T_s*omega_r; steps are T_s*u(k), 2*FRACTION fractional bits.
     """
     w_a, s0 = to_word(i_a * c.current + psi_a * c.flux)
     w_b, s1 = to_word(i_b * c.current + psi_b * c.flux)
@@ -179,15 +120,7 @@ def prediction(c, i_a, i_b, psi_a, psi_b, q, step_a, step_b):
 def square_root(radicand):
     """Integer square root, digit by digit (the root in Paper B, eq. 21).
 
-    Parameters
-    ----------
-    radicand : int
-        Not negative, 2*ROOT_WIDTH fractional bits.
-
-    Returns
-    -------
-    int
-        ROOT_WIDTH bits; the largest root where the radicand is 1 or more.
+    2*ROOT_WIDTH fractional bits to ROOT_WIDTH; the largest root where the radicand is 1 or more.
     """
     root = 0
     for bit in range(_ROOT_WIDTH - 1, -1, -1):
@@ -201,17 +134,7 @@ def square_root(radicand):
 def moment(demand, torque):
     """Torque reference as flux across the rotor flux, times half of the magnitude's gain.
 
-    Parameters
-    ----------
-    demand, torque : int
-        Torque reference and its coefficient, words.
-
-    Returns
-    -------
-    moment : int
-        MOMENT_GUARD bits finer than a word.
-    saturated : int
-        1 where its word did not hold it.
+    MOMENT_GUARD bits finer than a word; then 1 where its word saturated.
     """
     scaled, s0 = to_word(demand * _GAIN)
     moved, s1 = _shifted((scaled * torque) >> (_FRACTION - _MOMENT_GUARD), 0)
@@ -227,25 +150,17 @@ def _shifted(moment, bits):
 
 
 class ScaledReference(NamedTuple):
-    """MPFC's reference vector in parts: N*psi_s,ref = -v*along - j*v*across, with N = modulus.
+    """MPFC's reference vector in parts: N*psi_s,ref = -v*along - j*v*across, with N = modulus."""
 
-    Attributes
-    ----------
-    v_a, v_b : int
-        w(k+1) turned by omega_r*T_s and brought to full size, words.
-    along, across : int
-        Parts of the reference along -v and across it, words.
-    modulus : int
-        N: |v|^2 times the gain of the magnitude, a word; twice that below a quarter.
-    saturated, clamped : int
-        1 where a word did not hold its value; where the arcsine's argument was clamped.
-    """
-
+    # v_a, v_b: w(k+1) turned by omega_r*T_s and brought to full size, words.
     v_a: int
     v_b: int
+    # along, across: Parts of the reference along -v and across it, words.
     along: int
     across: int
-    modulus: int
+    modulus: int  # N: |v|^2 times the gain of the magnitude, a word; twice that below a quarter
+    # saturated, clamped: 1 where a word did not hold its value; where the arcsine's argument was
+    # clamped.
     saturated: int
     clamped: int
 
@@ -254,25 +169,10 @@ class ScaledReference(NamedTuple):
 def scaled_reference(w_a, w_b, q, reference, t):
     """Reference vector of the stator flux times N (Paper B, eqs. 18 to 21).
 
-    w is brought to full size first: shifts by two bits until a component is an eighth or more, then
+    `q` is T_s*omega_r, `reference` psi_ref times half of the magnitude's gain, `t` of ``moment``. w
+    is brought to full size first: shifts by two bits until a component is an eighth or more, then
     one by one bit if none is a quarter. No shift makes |w|^2 more than one half. Where it is below
     a quarter, it counts four times, and both parts of the reference and N count twice.
-
-    Parameters
-    ----------
-    w_a, w_b : int
-        w(k+1), words.
-    q : int
-        T_s*omega_r, a word.
-    reference : int
-        psi_ref, a word, times half of the magnitude's gain.
-    t : int
-        Torque reference as ``moment`` returns it.
-
-    Returns
-    -------
-    ScaledReference
-        Words.
     """
     q2, s0 = to_word(q * ~(q >> 1))
     square, s1 = to_word(reference * reference)
@@ -320,21 +220,8 @@ def scaled_reference(w_a, w_b, q, reference, t):
 def flux_terms(r, base_a, base_b, d):
     """What MPFC compares: N*|step|/4 and N*(base - psi_s,ref).
 
-    Parameters
-    ----------
-    r : ScaledReference
-        Of ``scaled_reference``.
-    base_a, base_b : int
-        psi_s(k+2) without voltage, words.
-    d : int
-        Twice the length of the flux step of a voltage vector, a word.
-
-    Returns
-    -------
-    length, alpha, beta : int
-        Torque terms' format; beta times -sqrt(3)/2.
-    saturated : int
-        1 where a word did not hold its value.
+    Torque terms' format, beta times -sqrt(3)/2, and 1 where a word saturated. `d` is twice the
+    length of a vector's flux step.
     """
     alpha = r.v_a * r.along + ~r.v_b * r.across + r.modulus * base_a
     z_b, saturated = to_word(r.v_b * r.along + r.v_a * r.across + r.modulus * base_b)
@@ -349,57 +236,30 @@ def flux_terms(r, base_a, base_b, d):
 
 
 class Outlook(NamedTuple):
-    """What both methods decide on; words unless stated otherwise.
+    """What both methods decide on; words unless stated otherwise."""
 
-    Attributes
-    ----------
-    w_a, w_b, p_a, p_b : int
-        w and psi_s at k+1.
-    base_a, base_b : int
-        psi_s(k+2) without voltage.
-    q : int
-        T_s*omega_r.
-    step_a, step_b : int
-        Twice the whole steps of u_1 along alpha and of u_2 along beta.
-    demand : int
-        Torque reference.
-    reference : int
-        psi_ref times half of the magnitude's gain.
-    saturated : int
-        1 where a word did not hold its value, or without dc-link voltage.
-    """
-
+    # w_a, w_b, p_a, p_b: w and psi_s at k+1.
     w_a: int
     w_b: int
     p_a: int
     p_b: int
+    # base_a, base_b: psi_s(k+2) without voltage.
     base_a: int
     base_b: int
-    q: int
+    q: int  # T_s*omega_r
+    # step_a, step_b: Twice the whole steps of u_1 along alpha and of u_2 along beta.
     step_a: int
     step_b: int
-    demand: int
-    reference: int
-    saturated: int
+    demand: int  # Torque reference
+    reference: int  # psi_ref times half of the magnitude's gain
+    saturated: int  # 1 where a word did not hold its value, or without dc-link voltage
 
 
 @njit
 def outlook(c, m, share_a, share_b):
     """The state at k+1, and at k+2 without voltage (Paper B, eqs. 4, 5 and 13).
 
-    Parameters
-    ----------
-    c : coefficients.Words
-        Of ``coefficients.words``.
-    m : ndarray of int64, shape (8,)
-        In the order of ``formats.MEASUREMENTS``.
-    share_a, share_b : int
-        Mean share of u in the steps, words.
-
-    Returns
-    -------
-    Outlook
-        Integers.
+    `m` (8,) is in the order of ``formats.MEASUREMENTS``, shares are those of u in the steps, words.
     """
     i_a, i_b = m[0] << _SHIFT, m[1] << _SHIFT
     psi_a, psi_b = m[2] << _SHIFT, m[3] << _SHIFT
@@ -417,23 +277,10 @@ def outlook(c, m, share_a, share_b):
 
 @njit
 def torque_terms(c, o):
-    """Torque reference less torque without voltage, and torque per step (Paper B, eqs. 14, 15).
+    """Torque error without voltage, torque per step, i_s0 along alpha (Paper B, eqs. 14, 15).
 
-    Parameters
-    ----------
-    c : coefficients.Words
-        Of ``coefficients.words``.
-    o : Outlook
-        Of ``outlook``.
-
-    Returns
-    -------
-    level, along, across : int
-        Torque terms' format; along and across of a step in ``o``.
-    tau_a : int
-        i_s0 along alpha, a word: what the one's complement in `level` is off, in its last place.
-    saturated : int
-        1 where a word did not hold its value.
+    Torque terms' format; i_s0 is a word: what the one's complement in the first is off, in its last
+    place. Then 1 where a word saturated.
     """
     tau_a, s0 = to_word(
         (o.w_a << _FRACTION) + o.w_a * c.rotor + o.p_a * c.rotor_flux + ~o.w_b * o.q
@@ -448,20 +295,7 @@ def torque_terms(c, o):
 
 @njit
 def torque_change(j, along, across):
-    """Torque of a vector (Paper B, eq. 15), or its part in MPFC's cost.
-
-    Parameters
-    ----------
-    j : int
-        Number of the vector, 0 to 6.
-    along, across : int
-        Of ``torque_terms``.
-
-    Returns
-    -------
-    int
-        Torque terms' format.
-    """
+    """Torque of vector j (Paper B, eq. 15), or its part in MPFC's cost, torque terms' format."""
     change = 0
     if VECTOR_ALPHA[j] == 2 or VECTOR_ALPHA[j] == -2:
         change = along >> 1
@@ -474,42 +308,14 @@ def torque_change(j, along, across):
 
 @njit
 def cost_of(term, difference, gain):
-    """Cost of eq. 11 as it is compared.
-
-    Parameters
-    ----------
-    term : int
-        Error of the torque, torque terms' format.
-    difference : int
-        Of ``flux_difference``.
-    gain : int
-        k_psi's coefficient.
-
-    Returns
-    -------
-    int
-        Not negative.
-    """
+    """Cost of eq. 11 as it is compared, not negative."""
     size = term if term >= 0 else ~term
     return ((size << _COST_SHIFT) + difference * gain) >> _COST_DROPPED
 
 
 @njit
 def vector_flux(o, j):
-    """Flux at k+2 with a vector for the whole period (Paper B, eq. 13).
-
-    Parameters
-    ----------
-    o : Outlook
-        Of ``outlook``.
-    j : int
-        Number of the vector, 0 to 6.
-
-    Returns
-    -------
-    x, y : int
-        psi_s, MAGNITUDE_FRACTION fractional bits.
-    """
+    """psi_s(k+2) with a vector for the whole period, MAGNITUDE_FRACTION bits (Paper B, eq. 13)."""
     x = (abs(VECTOR_ALPHA[j]) * o.step_a) >> (2 - _GUARD)
     x = (o.base_a << _GUARD) + (-x if VECTOR_ALPHA[j] < 0 else x)
     return x, (o.base_b << _GUARD) + ((VECTOR_BETA[j] * o.step_b) << (_GUARD - 1))
@@ -517,26 +323,7 @@ def vector_flux(o, j):
 
 @njit
 def vector_cost(c, o, level, along, across, j):
-    """Cost of a vector for the whole period (Paper B, eq. 11).
-
-    Parameters
-    ----------
-    c : coefficients.Words
-        Of ``coefficients.words``.
-    o : Outlook
-        Of ``outlook``.
-    level, along, across : int
-        Of ``torque_terms``.
-    j : int
-        Number of the vector, 0 to 6.
-
-    Returns
-    -------
-    cost : int
-        As ``cost_of``.
-    saturated : int
-        1 where the error of the flux did not fit.
-    """
+    """Cost of a vector for the whole period (Paper B, eq. 11); 1 where the flux did not fit."""
     x, y = vector_flux(o, j)
     difference, saturated = flux_difference(x, y, o.reference)
     return cost_of(level - torque_change(j, along, across), difference, c.weight), saturated
@@ -546,21 +333,8 @@ def vector_cost(c, o, level, along, across, j):
 def decide_words(register, m, u):
     """One decision (Paper B, eqs. 4, 5, 11, 14 and 15; MPFC: eqs. 18 to 21).
 
-    Parameters
-    ----------
-    register : ndarray of int64
-        ``Registers.array()``.
-    m : ndarray of int64, shape (8,)
-        In the order of ``formats.MEASUREMENTS``.
-    u : int
-        Vector that is being applied, 0 to 7.
-
-    Returns
-    -------
-    u : int
-        Vector to apply, 0 to 7.
-    saturated, clamped : int
-        1 where a word did not hold its value; where the arcsine's argument was clamped.
+    `m` (8,) in the order of ``formats.MEASUREMENTS``; gives u (0 to 7), saturated, clamped (the
+    arcsine's argument).
     """
     c = words(register)
     o = outlook(c, m, VECTOR_ALPHA[u] << (_FRACTION - 2), VECTOR_BETA[u] << (_FRACTION - 1))
@@ -594,24 +368,7 @@ def decide_words(register, m, u):
 
 @njit
 def encode_row(scales, lows, highs, i, psi, omega_r, vdc, torque_ref, psi_ref):
-    """Quantise one set of measurements to the core's ports.
-
-    Parameters
-    ----------
-    scales, lows, highs : ndarray of float64, shape (8,)
-        Of ``parameters``.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb).
-    omega_r, vdc, torque_ref, psi_ref : float
-        rad/s (electrical), V, N*m, Wb.
-
-    Returns
-    -------
-    measurement : ndarray of int64, shape (8,)
-        In the order of ``formats.MEASUREMENTS``.
-    clipped : int
-        1 where a value lay outside its word.
-    """
+    """A, Wb, rad/s (electrical), V, N*m, Wb to words of the ports (8,); 1 where one saturated."""
     real = np.empty(8)
     real[0], real[1] = i.real, i.imag
     real[2], real[3] = psi.real, psi.imag
@@ -622,26 +379,9 @@ def encode_row(scales, lows, highs, i, psi, omega_r, vdc, torque_ref, psi_ref):
 def parameters(
     drive: MptcDrive, values: Registers | None = None
 ) -> tuple[IntArray, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Registers and formats of a drive, as `decide` takes them.
+    """Registers (13,), and scales, lows and highs (8,) of the ports (``fixed_point.limits``).
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Full scales, and the registers unless ``values`` is given.
-    values : Registers, optional
-        Registers to use instead of the drive's.
-
-    Returns
-    -------
-    register : ndarray of int64, shape (13,)
-        ``Registers.array()``.
-    scales, lows, highs : ndarray of float64, shape (8,)
-        Of the measurement ports, see ``fixed_point.limits``.
-
-    Raises
-    ------
-    ValueError
-        Without ``values``, where a value of the drive cannot be represented.
+    ValueError without ``values``, where a value of the drive cannot be represented.
     """
     scales, lows, highs = fixed_point.limits(list(f.measurement_formats(drive).values()))
     return (values or registers(drive)).array(), scales, lows, highs
@@ -651,23 +391,7 @@ def parameters(
 def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     """``decide_words`` on real numbers: the signature of ``ideal.decide``.
 
-    Parameters
-    ----------
-    p : tuple
-        As ``parameters`` returns it.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k.
-    omega_r : float
-        Electrical speed, rad/s.
-    u : int
-        Number of the vector that is being applied.
-    vdc, torque_ref, psi_ref : float
-        V, N*m, Wb.
-
-    Returns
-    -------
-    u, saturated, clamped : int
-        `saturated` covers the inputs.
+    `saturated` covers the inputs.
     """
     measurement, clipped = encode_row(p[1], p[2], p[3], i, psi, omega_r, vdc, torque_ref, psi_ref)
     best, saturated, clamped = decide_words(p[0], measurement, u)
@@ -675,22 +399,7 @@ def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
 
 
 def encode(drive: MptcDrive, trace: MptcTrace) -> tuple[IntArray, NDArray[np.bool_]]:
-    """Quantise a trace to the core's measurement ports.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Full scales and dc-link voltage.
-    trace : MptcTrace
-        n rows.
-
-    Returns
-    -------
-    measurements : ndarray of int64, shape (n, 8)
-        In the order of ``formats.MEASUREMENTS``.
-    saturated : ndarray of bool, shape (n,)
-        True where a value of the row lay outside its word.
-    """
+    """Quantise n rows to the core's ports: words (n, 8), and whether each row saturated."""
     vdc = trace.link(drive.inverter.vdc)
     columns = [*trace.i_s.T, *trace.psi_s.T, trace.omega_r, vdc, trace.torque_ref, trace.psi_ref]
     formats = f.measurement_formats(drive).values()
@@ -704,45 +413,16 @@ def encode(drive: MptcDrive, trace: MptcTrace) -> tuple[IntArray, NDArray[np.boo
 
 @njit
 def run_words(register, measurements, u, out):
-    """``decide_words`` for every row.
-
-    Parameters
-    ----------
-    register : ndarray of int64
-        ``Registers.array()``.
-    measurements : ndarray of int64, shape (n, 8)
-        In the order of ``formats.MEASUREMENTS``.
-    u : ndarray of int64, shape (n,)
-        Vector that is being applied.
-    out : ndarray of int64, shape (n, 3)
-        Filled with u, saturated, clamped.
-    """
+    """``decide_words`` for every row of words (n, 8) and u (n,); fills `out` (n, 3)."""
     for k in range(measurements.shape[0]):
         out[k, 0], out[k, 1], out[k, 2] = decide_words(register, measurements[k], u[k])
 
 
 def run(drive: MptcDrive, trace: MptcTrace, values: Registers | None = None) -> MptcDecisions:
-    """Decisions for every row of a trace.
+    """Decisions for n independent rows of a trace, by the drive's registers or `values`.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Supplies the formats, and the registers unless ``values`` is given.
-    trace : MptcTrace
-        n independent rows.
-    values : Registers, optional
-        Registers to use instead of the drive's.
-
-    Returns
-    -------
-    MptcDecisions
-        ``cycles`` is None: the model has no clock.  ``saturated`` is set as well where the
-        arcsine's argument of MPFC was clamped: a decisions file has no other flag for it.
-
-    Raises
-    ------
-    ValueError
-        Without ``values``, where a value of the drive cannot be represented.
+    ``saturated`` is set as well where the arcsine's argument of MPFC was clamped: a decisions file
+    has no other flag for it. ValueError where a value of the drive cannot be represented.
     """
     array = (values or registers(drive)).array()
     measurements, clipped = encode(drive, trace)

@@ -75,15 +75,8 @@ _RESIDUE_SHIFT = f.HEXAGON_FRACTION + 2 - f.RESIDUE_FRACTION
 def quotient(rest, way):
     """A coordinate of e: how often the way goes into it, cut off towards zero.
 
-    Parameters
-    ----------
-    rest, way : int
-        Terms of the same format; `way` not negative.
-
-    Returns
-    -------
-    int
-        QUOTIENT_FRACTION fractional bits, QUOTIENT_WIDTH bits; the largest where it is beyond.
+    QUOTIENT_FRACTION bits; the largest of QUOTIENT_WIDTH bits where it is beyond. `way` is not
+    negative.
     """
     size = rest if rest >= 0 else ~rest
     found, left = 0, size
@@ -101,19 +94,8 @@ def quotient(rest, way):
 def coordinates(r, o):
     """e in coordinates of the hexagon (Paper B, eqs. 17 to 21).
 
-    Parameters
-    ----------
-    r : bit_true.ScaledReference
-        Reference vector times N.
-    o : bit_true.Outlook
-        Of this period.
-
-    Returns
-    -------
-    g, h : int
-        Along u_1 and u_2, HEXAGON_FRACTION fractional bits; 1 is the way of a vector.
-    far : int
-        1 where e is so long that it was halved.
+    HEXAGON_FRACTION fractional bits along u_1 and u_2, 1 is the way of a vector; and 1 where e is
+    so long that it was halved.
     """
     # twice N*e, and twice N times the steps of u_1 along alpha and of u_2 along beta; the root was
     # cut off, half of its LSB is added
@@ -150,19 +132,8 @@ def _limited(way):
 def spoke(g, h, turn):
     """Part of a vector, zero voltage for the rest, that comes nearest to e.
 
-    Parameters
-    ----------
-    g, h : int
-        e, as `coordinates` returns it.
-    turn : int
-        Turns of 60 degrees from the vector that stands where u_1 does, 0 to 5.
-
-    Returns
-    -------
-    time : int
-        Fraction of the vector, two bits finer than g and h.
-    at_g, at_h : int
-        The point, the same.
+    Its time and the point, two bits finer than g and h; `turn`: turns of 60 degrees from u_1, 0 to
+    5.
     """
     if turn % 3 == 0:
         along = 2 * g + h
@@ -180,19 +151,8 @@ def spoke(g, h, turn):
 def edge(g, h, turn):
     """Part of the vector where u_1 stands, another for the rest, that comes nearest to e.
 
-    Parameters
-    ----------
-    g, h : int
-        e, as `coordinates` returns it.
-    turn : int
-        Turns of 60 degrees to the other vector, 1 to 5.
-
-    Returns
-    -------
-    time : int
-        Fraction of the first vector, two bits finer than g and h; exact.
-    at_g, at_h : int
-        The point, the same.
+    Its time (exact) and the point, two bits finer than g and h; `turn`: turns of 60 degrees, 1 to
+    5.
     """
     if turn == 1:
         along = 2 * (g - h)
@@ -213,18 +173,8 @@ def edge(g, h, turn):
 def square(g, h, at_g, at_h):
     """Square of the distance of a point from e.
 
-    Parameters
-    ----------
-    g, h : int
-        e, as `coordinates` returns it.
-    at_g, at_h : int
-        The point, two bits finer. What remains is cut off to words of RESIDUE_FRACTION
-        fractional bits, which hold it.
-
-    Returns
-    -------
-    int
-        Not negative.
+    The point is two bits finer than e. What remains is cut off to words of RESIDUE_FRACTION
+    fractional bits.
     """
     g, h = ((g << 2) - at_g) >> _RESIDUE_SHIFT, ((h << 2) - at_h) >> _RESIDUE_SHIFT
     return g * (g + h) + h * h
@@ -276,17 +226,7 @@ def _pair(g, h, a, count):
 def mpfc2(g, h, applied):
     """The last vector, then any (docs/specification.md, section 3.6).
 
-    Parameters
-    ----------
-    g, h : int
-        e, as `coordinates` returns it.
-    applied : ndarray of int64, shape (5,)
-        u1, u2, u3, t1, t2 that are being applied.
-
-    Returns
-    -------
-    u1, u2, u3, t1, t2 : int
-        What to apply, times in steps of the period.
+    `applied` and result: u1, u2, u3, t1, t2, times in steps of the period.
     """
     last = _last_of(applied)
     if is_active(last):
@@ -309,19 +249,8 @@ def mpfc2(g, h, applied):
 def three(g, h, turn):
     """Times of l and v around zero voltage that come nearest to e; l stands where u_1 does.
 
-    Parameters
-    ----------
-    g, h : int
-        e in the coordinates of l.
-    turn : int
-        Turns of 60 degrees from l to v, 0 to 5.
-
-    Returns
-    -------
-    t1, rest : int
-        Time of l and of zero voltage, in steps of the period.
-    cost : int
-        Square of the distance, see `square`.
+    Gives t1, the time of zero voltage (steps of the period) and the cost, see `square`; `turn`:
+    turns of 60 degrees from l to v, 0 to 5.
     """
     if turn % 3 != 0:
         # where l and v are neighbours e lies between them, else v's opposite stands in for it
@@ -346,17 +275,7 @@ def three(g, h, turn):
 def mpfc3(g, h, applied):
     """The last active vector, zero, an active vector (docs/specification.md, section 3.6).
 
-    Parameters
-    ----------
-    g, h : int
-        e, as `coordinates` returns it.
-    applied : ndarray of int64, shape (5,)
-        u1, u2, u3, t1, t2 that are being applied.
-
-    Returns
-    -------
-    u1, u2, u3, t1, t2 : int
-        What to apply, times in steps of the period.
+    `applied` and result: u1, u2, u3, t1, t2, times in steps of the period.
     """
     last = _last_active_of(applied)
     g, h = _turned(g, h, last - 1)
@@ -373,17 +292,7 @@ def mpfc3(g, h, applied):
 def mpc2(g, h, applied):
     """The best active vector with itself, zero or a neighbour (docs/specification.md, section 3.6).
 
-    Parameters
-    ----------
-    g, h : int
-        e, as `coordinates` returns it.
-    applied : ndarray of int64, shape (5,)
-        u1, u2, u3, t1, t2 that are being applied.
-
-    Returns
-    -------
-    u1, u2, u3, t1, t2 : int
-        What to apply, times in steps of the period.
+    `applied` and result: u1, u2, u3, t1, t2, times in steps of the period.
     """
     a = 1
     for _ in range(5):
@@ -402,15 +311,7 @@ def mpc2(g, h, applied):
 def svm(g, h):
     """Space vector modulation of e (Paper B, eq. 22; docs/specification.md, section 3.6).
 
-    Parameters
-    ----------
-    g, h : int
-        e, as `coordinates` returns it.
-
-    Returns
-    -------
-    u1, u2, u3, t1, t2 : int
-        What to apply, times in steps of the period.
+    Gives u1, u2, u3, t1, t2, times in steps of the period.
     """
     sector = 1
     if g != 0 or h != 0:
@@ -430,23 +331,8 @@ def svm(g, h):
 def decide_words(c, o, method, applied):
     """One decision of a flux method (docs/specification.md, section 3.6).
 
-    Parameters
-    ----------
-    c : coefficients.Words
-        Of ``coefficients.words``.
-    o : bit_true.Outlook
-        Of this period.
-    method : int
-        Place in `SEQUENCE_METHODS`.
-    applied : ndarray of int64, shape (5,)
-        u1, u2, u3, t1, t2 that are being applied.
-
-    Returns
-    -------
-    chosen : tuple of 5 int
-        u1, u2, u3, t1, t2 to apply, times in steps of the period.
-    saturated, clamped : int
-        1 where a word did not hold its value; where the arcsine's argument was clamped.
+    `applied` and the first result: u1, u2, u3, t1, t2, times in steps of the period. Then
+    saturated, and clamped (the arcsine's argument).
     """
     t, s0 = bit_true.moment(o.demand, c.torque)
     r = bit_true.scaled_reference(o.w_a, o.w_b, o.q, o.reference, t)

@@ -57,17 +57,7 @@ _STEP_SHIFT = f.TORQUE_FRACTION - f.FRACTION
 def fitted(applied):
     """A running sequence as it is used: with times above one period, u3 has all of it.
 
-    Parameters
-    ----------
-    applied : ndarray of int64, shape (5,)
-        u1, u2, u3, t1, t2; times in steps of the period.
-
-    Returns
-    -------
-    used : ndarray of int64, shape (5,)
-        The same, times of zero where t1 + t2 is more than a period.
-    too_long : int
-        1 where it is, else 0.
+    u1, u2, u3, t1, t2, times in steps of the period; then 1 where they were above.
     """
     if applied[3] + applied[4] <= TIME_STEPS:
         return applied, 0
@@ -78,17 +68,9 @@ def fitted(applied):
 
 @njit
 def shares(applied):
-    """Mean share of a running sequence in the steps along alpha and beta.
+    """Mean share of a running sequence in the steps along alpha and beta: words, exact.
 
-    Parameters
-    ----------
-    applied : ndarray of int64, shape (5,)
-        u1, u2, u3, t1, t2; times in steps of the period, their sum 4096 at most.
-
-    Returns
-    -------
-    share_a, share_b : int
-        Words; exact.
+    u1, u2, u3, t1, t2; times in steps of the period, their sum 4096 at most.
     """
     third = TIME_STEPS - applied[3] - applied[4]
     a = applied[3] * VECTOR_ALPHA[applied[0]] + applied[4] * VECTOR_ALPHA[applied[1]]
@@ -100,20 +82,7 @@ def shares(applied):
 
 @njit
 def fine_change(j, along, across):
-    """Torque of a vector in quarters of a torque term: nothing is dropped.
-
-    Parameters
-    ----------
-    j : int
-        Number of the vector, 0 to 6.
-    along, across : int
-        Of ``bit_true.torque_terms``.
-
-    Returns
-    -------
-    int
-        DUTY_SHIFT bits more than a torque term.
-    """
+    """Torque of a vector in quarters of a torque term: nothing is dropped. DUTY_SHIFT bits more."""
     return VECTOR_ALPHA[j] * along - 2 * VECTOR_BETA[j] * across
 
 
@@ -121,17 +90,8 @@ def fine_change(j, along, across):
 def search(error, span):
     """Duty that takes a torque error away (docs/specification.md, 3.6).
 
-    Parameters
-    ----------
-    error : int
-        Torque reference less torque with the second vector, in quarters of a torque term.
-    span : int
-        Torque with the first vector less torque with the second, the same.
-
-    Returns
-    -------
-    int
-        0 to 4095 steps, cut off; 4095 for a whole period, also where the torques are equal.
+    Quarters of torque terms to 0..4095 steps, cut off; 4095 for a whole period, also where the
+    torques are equal. `span`: torque with the first vector less that with the second.
     """
     if span < 0:
         error, span = ~error, ~span
@@ -154,17 +114,7 @@ def search(error, span):
 def mean_search(both, span):
     """Duty that makes the mean torque of the period the reference (docs/specification.md, 3.6).
 
-    Parameters
-    ----------
-    both : int
-        Torque errors at k+1 and without voltage at k+2, added; in quarters of a torque term.
-    span : int
-        As for `search`.
-
-    Returns
-    -------
-    int
-        0 to 4095 steps, cut off; 4095 for a whole period, also where the torques are equal.
+    `both`: torque errors at k+1 and without voltage at k+2, added. Units and result as of `search`.
     """
     # square of the second vector's part of the period, times span
     part = both - span
@@ -193,19 +143,7 @@ def mean_search(both, span):
 def flux_with(o, second, direction, duty):
     """Flux at k+2 with a pair (Paper B, eq. 13).
 
-    Parameters
-    ----------
-    o : bit_true.Outlook
-        Of this period.
-    second, direction : int
-        Vectors, 0 to 6.
-    duty : int
-        Steps of the period of the first; 4096 for all of it.
-
-    Returns
-    -------
-    x, y : int
-        psi_s, MAGNITUDE_FRACTION fractional bits.
+    MAGNITUDE_FRACTION bits; `duty`: steps of the period of the first, 4096 for all of it.
     """
     # one bit more than a length has: half of a step along alpha
     way_x = (duty * (VECTOR_ALPHA[direction] * o.step_a)) >> _TIME_WIDTH
@@ -219,19 +157,8 @@ def flux_with(o, second, direction, duty):
 def length_error(o, j):
     """Error of the flux's length that a vector leaves at the end of the period.
 
-    Parameters
-    ----------
-    o : bit_true.Outlook
-        Of this period.
-    j : int
-        Number of the vector, 0 to 6.
-
-    Returns
-    -------
-    error : int
-        Length less reference, DIFFERENCE_FRACTION fractional bits, times the magnitude's gain.
-    saturated : int
-        1 where it did not fit.
+    Length less reference times the magnitude's gain, DIFFERENCE_FRACTION bits; and 1 where it did
+    not fit.
     """
     x, y = bit_true.vector_flux(o, j)
     difference, saturated = bit_true.flux_difference(x, y, o.reference)
@@ -241,70 +168,32 @@ def length_error(o, j):
 
 @njit
 def flux_duty(o, direction):
-    """Duty with zero voltage that makes the flux the reference (docs/specification.md, 3.6).
+    """Duty with zero voltage that makes the flux the reference, as of `search`.
 
-    Parameters
-    ----------
-    o : bit_true.Outlook
-        Of this period.
-    direction : int
-        The active vector.
-
-    Returns
-    -------
-    int
-        As of `search`.
+    docs/specification.md, section 3.6.
     """
     without = length_error(o, 0)[0]
     return search(without, without - length_error(o, direction)[0])
 
 
 class Terms(NamedTuple):
-    """What pairs are judged by; torque terms' format unless stated otherwise.
+    """What pairs are judged by; torque terms' format unless stated otherwise."""
 
-    Attributes
-    ----------
-    level, along, across : int
-        Of ``bit_true.torque_terms``.
-    error : int
-        Torque reference less torque without voltage, in quarters of a torque term.
-    both : int
-        That, and torque reference less torque at k+1, added; the same.
-    rule : int
-        Place in `DUTY_RULES`.
-    """
-
+    # level, along, across: Of ``bit_true.torque_terms``.
     level: int
     along: int
     across: int
-    error: int
-    both: int
-    rule: int
+    error: int  # Torque reference less torque without voltage, in quarters of a torque term
+    both: int  # That, and torque reference less torque at k+1, added; the same
+    rule: int  # Place in `DUTY_RULES`
 
 
 @njit
 def pair(c, o, terms, second, direction):
     """Duty and cost of a pair (Paper B, eqs. 11, 13 and 15; docs/specification.md, 3.6).
 
-    Parameters
-    ----------
-    c : coefficients.Words
-        Of ``coefficients.words``.
-    o : bit_true.Outlook
-        Of this period.
-    terms : Terms
-        Of this period.
-    second, direction : int
-        Vectors, 0 to 6.
-
-    Returns
-    -------
-    duty : int
-        0 to 4095 steps of the period.
-    cost : int
-        As of ``bit_true.cost_of``.
-    saturated : int
-        1 where the error of the flux did not fit.
+    0 to 4095 steps of the period, ``bit_true.cost_of``, and 1 where the error of the flux did not
+    fit.
     """
     error = terms.error - fine_change(second, terms.along, terms.across)
     span = fine_change(direction, terms.along, terms.across)
@@ -323,19 +212,7 @@ def pair(c, o, terms, second, direction):
 def torque_left(terms, second, direction, duty):
     """Torque error that a pair leaves, as the multipliers form it.
 
-    Parameters
-    ----------
-    terms : Terms
-        Of this period.
-    second, direction : int
-        Vectors, 0 to 6.
-    duty : int
-        Steps of the period of the first.
-
-    Returns
-    -------
-    int
-        Torque terms' format.
+    Torque terms' format; `duty` in steps of the period.
     """
     along = TIME_STEPS * VECTOR_ALPHA[second] + duty * VECTOR_ALPHA[direction]
     across = TIME_STEPS * VECTOR_BETA[second] + duty * VECTOR_BETA[direction]
@@ -392,26 +269,10 @@ def _torque_methods(c, o, method, rule):
 
 @njit
 def decide_words(register, method, rule, m, applied):
-    """One decision (docs/specification.md, section 3.6).
+    """One decision: u1, u2, u3, t1, t2, saturated, clamped (docs/specification.md, section 3.6).
 
-    Parameters
-    ----------
-    register : ndarray of int64
-        ``Registers.array()``.
-    method, rule : int
-        Places in `SEQUENCE_METHODS` and `DUTY_RULES`.
-    m : ndarray of int64, shape (8,)
-        In the order of ``formats.MEASUREMENTS``.
-    applied : ndarray of int64, shape (5,)
-        u1, u2, u3, t1, t2 that are being applied, see `fitted`; times in steps.
-
-    Returns
-    -------
-    chosen : tuple of 5 int
-        u1, u2, u3, t1, t2 to apply; vectors 0 to 7, times in steps of the period.
-    saturated, clamped : int
-        1 where a word did not hold its value, or times are above one period; where the arcsine's
-        argument was clamped.
+    `m` (8,) in the order of ``formats.MEASUREMENTS``; `applied` as of `fitted`; times in steps of
+    the period. Saturated also where times are above one period.
     """
     c = words(register)
     used, too_long = fitted(applied)
@@ -426,18 +287,7 @@ def decide_words(register, method, rule, m, applied):
 
 @njit
 def in_steps(sequence):
-    """A sequence with times in steps of the period, rounded to the nearest.
-
-    Parameters
-    ----------
-    sequence : VectorSequence
-        Vectors and times.
-
-    Returns
-    -------
-    ndarray of int64, shape (5,)
-        u1, u2, u3, t1, t2; the times' sum is 4096 at most.
-    """
+    """A sequence as u1, u2, u3, t1, t2, times rounded to 1/4096 of the period, at most 1 in sum."""
     out = np.empty(5, dtype=np.int64)
     out[0], out[1], out[2] = sequence.u1, sequence.u2, sequence.u3
     out[3] = min(TIME_STEPS, max(0, round(sequence.t1 * TIME_STEPS)))
@@ -448,28 +298,9 @@ def in_steps(sequence):
 def parameters(
     drive: MptcDrive, values: Registers | None = None
 ) -> tuple[IntArray, int, int, FloatArray, FloatArray, FloatArray]:
-    """Registers, method, rule and formats of a drive, as `decide` takes them.
+    """Registers (13,), places of method and rule, and scales, lows, highs (8,) of the ports.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Full scales and method, and the registers unless ``values`` is given.
-    values : Registers, optional
-        Registers to use instead of the drive's.
-
-    Returns
-    -------
-    register : ndarray of int64, shape (13,)
-        ``Registers.array()``.
-    method, rule : int
-        Places in `SEQUENCE_METHODS` and `DUTY_RULES`.
-    scales, lows, highs : ndarray of float64, shape (8,)
-        Of the measurement ports, see ``fixed_point.limits``.
-
-    Raises
-    ------
-    ValueError
-        Without ``values``, where a value of the drive cannot be represented.
+    ValueError without ``values``, where a value of the drive cannot be represented.
     """
     scales, lows, highs = fixed_point.limits(list(f.measurement_formats(drive).values()))
     c = drive.control
@@ -481,25 +312,8 @@ def parameters(
 def decide(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
     """``decide_words`` on real numbers: the signature of ``ideal_sequences.decide``.
 
-    Parameters
-    ----------
-    p : tuple
-        As ``parameters`` returns it.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k.
-    omega_r : float
-        Electrical speed, rad/s.
-    applied : VectorSequence
-        What is being applied; times are rounded to the nearest step.
-    vdc, torque_ref, psi_ref : float
-        V, N*m, Wb.
-
-    Returns
-    -------
-    sequence : VectorSequence
-        What to apply from k+1 on.
-    saturated, clamped : int
-        `saturated` covers the inputs; `clamped` is for the arcsine of the flux methods.
+    SI; times are rounded to the nearest step. `saturated` covers the inputs, `clamped` is for the
+    arcsine of the flux methods.
     """
     seen, clipped = encode_row(p[3], p[4], p[5], i, psi, omega_r, vdc, torque_ref, psi_ref)
     chosen, saturated, clamped = decide_words(p[0], p[1], p[2], seen, in_steps(applied))
@@ -510,20 +324,9 @@ def decide(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
 
 @njit
 def run_words(register, method, rule, measurements, applied, out):
-    """``decide_words`` for every row.
+    """``decide_words`` for rows (n, 8) and applied (n, 5); fills `out` (n, 6).
 
-    Parameters
-    ----------
-    register : ndarray of int64
-        ``Registers.array()``.
-    method, rule : int
-        Places in `SEQUENCE_METHODS` and `DUTY_RULES`.
-    measurements : ndarray of int64, shape (n, 8)
-        In the order of ``formats.MEASUREMENTS``.
-    applied : ndarray of int64, shape (n, 5)
-        u1, u2, u3, t1, t2 that are being applied.
-    out : ndarray of int64, shape (n, 6)
-        Filled with u1, u2, u3, t1, t2 and 1 where anything was saturated or clamped.
+    The last column is 1 where anything was saturated or clamped.
     """
     for k in range(measurements.shape[0]):
         chosen, saturated, clamped = decide_words(
@@ -535,18 +338,7 @@ def run_words(register, method, rule, measurements, applied, out):
 
 
 def applied_words(trace: MptcTrace) -> IntArray:
-    """Running sequences of a trace as the core takes them.
-
-    Parameters
-    ----------
-    trace : MptcTrace
-        n rows.
-
-    Returns
-    -------
-    ndarray of int64, shape (n, 5)
-        u1, u2, u3, t1, t2; times in steps of the period.
-    """
+    """Running sequences of a trace (n, 5): u1, u2, u3, t1, t2, times in steps of the period."""
     vectors, times = trace.sequences()
     steps = np.rint(times * TIME_STEPS).astype(np.int64)
     steps[:, 1] = np.minimum(steps[:, 1], TIME_STEPS - steps[:, 0])
@@ -554,22 +346,7 @@ def applied_words(trace: MptcTrace) -> IntArray:
 
 
 def decisions(out: IntArray, clipped: IntArray, cycles: IntArray | None) -> MptcDecisions:
-    """Words of decisions as decisions.
-
-    Parameters
-    ----------
-    out : ndarray of int64, shape (n, 6)
-        u1, u2, u3, t1, t2, flag.
-    clipped : ndarray of int64, shape (n,)
-        1 where an input lay outside its word.
-    cycles : ndarray of int64, shape (n,), or None
-        Clock cycles.
-
-    Returns
-    -------
-    MptcDecisions
-        With vectors and times.
-    """
+    """Words (n, 6) of u1, u2, u3, t1, t2 and flag as decisions; `clipped`: an input saturated."""
     return MptcDecisions(
         u=out[:, 0],
         cycles=cycles,
@@ -580,28 +357,11 @@ def decisions(out: IntArray, clipped: IntArray, cycles: IntArray | None) -> Mptc
 
 
 def run(drive: MptcDrive, trace: MptcTrace, values: Registers | None = None) -> MptcDecisions:
-    """Decisions for every row of a trace.
+    """Decisions for n independent rows of a trace, by the drive's registers or `values`.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Supplies the formats, the method and the duty rule, and the registers unless ``values`` is
-        given.
-    trace : MptcTrace
-        n independent rows.
-    values : Registers, optional
-        Registers to use instead of the drive's.
-
-    Returns
-    -------
-    MptcDecisions
-        ``cycles`` is None: the model has no clock.  ``saturated`` is set as well where the
-        arcsine's argument of a flux method was clamped: a decisions file has no other flag for it.
-
-    Raises
-    ------
-    ValueError
-        Without ``values``, where a value of the drive cannot be represented.
+    ``saturated`` is set as well where the arcsine's argument of a flux method was clamped: a
+    decisions file has no other flag for it. ValueError where a value of the drive cannot be
+    represented.
     """
     register, method, rule, *_ = parameters(drive, values)
     measurements, clipped = encode(drive, trace)

@@ -57,50 +57,21 @@ BREAKDOWN_SHARE = 0.8
 
 
 class Limits(NamedTuple):
-    """What the references of an outer loop stay within, SI.
+    """What the references of an outer loop stay within, SI."""
 
-    Attributes
-    ----------
-    current : float
-        Of the stator, A; 0: no limits.
-    voltage : float
-        Stator flux times electrical speed, V.
-    leakage : float
-        sigma L_s, H.
-    magnetising : float
-        L_m^2/L_r, H.
-    breakdown : float
-        Largest torque over the square of the stator flux, N*m/Wb^2.
-    torque : float
-        1.5 N_p.
-    """
-
-    current: float
-    voltage: float
-    leakage: float
-    magnetising: float
-    breakdown: float
-    torque: float
+    current: float  # Of the stator, A; 0: no limits
+    voltage: float  # Stator flux times electrical speed, V
+    leakage: float  # sigma L_s, H
+    magnetising: float  # L_m^2/L_r, H
+    breakdown: float  # Largest torque over the square of the stator flux, N*m/Wb^2
+    torque: float  # 1.5 N_p
 
 
 NO_LIMITS = Limits(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def limits_of(drive: MptcDrive, current: float) -> Limits:
-    """Limits of a drive's references.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and dc link.
-    current : float
-        Largest stator current, A.
-
-    Returns
-    -------
-    Limits
-        Field weakening, current and breakdown torque.
-    """
+    """Limits of a drive's references: field weakening, current (`current`, A), breakdown torque."""
     m = drive.machine
     sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)
     peak = 0.75 * m.pole_pairs * (m.lm / m.ls) ** 2 / (sigma * m.lr)
@@ -112,103 +83,50 @@ def limits_of(drive: MptcDrive, current: float) -> Limits:
 
 @dataclass(frozen=True)
 class Scenario:
-    """What a run asks of the drive; arrays have one entry per control step.
+    """What a run asks of the drive; arrays have one entry per control step."""
 
-    Attributes
-    ----------
-    torque_ref : (n,)
-        N*m; added to the speed controller's output where there is one.
-    psi_ref : (n,)
-        Wb.
-    load : (n,)
-        Load torque, N*m.
-    speed_ref : (n,) or None
-        Mechanical speed, rad/s; None without a speed controller.
-    current, flux : complex
-        Plant state at the first step.
-    omega_r : float
-        Electrical speed at the first step, rad/s.
-    gains : tuple
-        Speed PI: proportional (N*m*s/rad), integral (N*m/rad), limit (N*m).
-    weight : float
-        Of the reference in the proportional part of the speed PI.
-    limits : Limits
-        Of the references; none unless given.
-    integral : float
-        Of the speed controller at the first step, N*m.
-    """
-
-    torque_ref: FloatArray
-    psi_ref: FloatArray
-    load: FloatArray
+    torque_ref: FloatArray  # (n,): N*m; added to the speed controller's output where there is one
+    psi_ref: FloatArray  # (n,): Wb
+    load: FloatArray  # (n,): Load torque, N*m
+    # (n,): Mechanical speed, rad/s; None without a speed controller.
     speed_ref: FloatArray | None = None
+    # current, flux: Plant state at the first step.
     current: complex = 0j
     flux: complex = 0j
-    omega_r: float = 0.0
+    omega_r: float = 0.0  # Electrical speed at the first step, rad/s
+    # Speed PI: proportional (N*m*s/rad), integral (N*m/rad), limit (N*m).
     gains: tuple[float, float, float] = (1.0, 10.0, 16.8)
-    weight: float = 1.0
-    limits: Limits = NO_LIMITS
-    integral: float = 0.0
+    weight: float = 1.0  # Of the reference in the proportional part of the speed PI
+    limits: Limits = NO_LIMITS  # Of the references; none unless given
+    integral: float = 0.0  # Of the speed controller at the first step, N*m
 
 
 @dataclass(frozen=True)
 class Run:
-    """A recorded run; n control periods with s samples each.
+    """A recorded run; n control periods with s samples each."""
 
-    Attributes
-    ----------
-    drive : MptcDrive
-        What the controller knows.
-    trace : MptcTrace
-        What the controller saw: the current is what the sensors said, flux and speed those of the
-        observer where there is one.
-    decided : Sequences
-        What it decided, applied one period later.
-    wanted : Sequences
-        What the ideal controller would have decided on the same inputs.
-    saturated, clamped : (n,)
-        Its flags.
-    torque : (n,)
-        Electromagnetic torque at each step, N*m.
-    flux, omega_r : (n,)
-        Stator flux magnitude (Wb) and electrical speed (rad/s) of the plant at each step.
-    stator_flux : (n,) complex
-        Stator flux of the plant at each step, Wb.
-    current_inside : (n * s,) complex
-        Stator current of the plant at equal distances, A.
-    torque_inside : (n * s,)
-        Electromagnetic torque there, N*m.
-    commutations : (n,)
-        Switches that change in each period.
-    """
-
-    drive: MptcDrive
+    drive: MptcDrive  # What the controller knows
+    # What the controller saw: the current is what the sensors said, flux and speed those of the
+    # observer where there is one.
     trace: MptcTrace
-    decided: Sequences
-    wanted: Sequences
+    decided: Sequences  # What it decided, applied one period later
+    wanted: Sequences  # What the ideal controller would have decided on the same inputs
+    # saturated, clamped: (n,): Its flags.
     saturated: IntArray
     clamped: IntArray
-    torque: FloatArray
+    torque: FloatArray  # (n,): Electromagnetic torque at each step, N*m
+    # flux, omega_r: (n,): Stator flux magnitude (Wb) and electrical speed (rad/s) of the plant at
+    # each step.
     flux: FloatArray
     omega_r: FloatArray
-    stator_flux: NDArray[np.complex128]
+    stator_flux: NDArray[np.complex128]  # (n,): Stator flux of the plant at each step, Wb
+    # (n * s,): Stator current of the plant at equal distances, A.
     current_inside: NDArray[np.complex128]
-    torque_inside: FloatArray
-    commutations: IntArray
+    torque_inside: FloatArray  # (n * s,): Electromagnetic torque there, N*m
+    commutations: IntArray  # (n,): Switches that change in each period
 
     def after(self, first: int) -> Run:
-        """The run without its beginning.
-
-        Parameters
-        ----------
-        first : int
-            Periods that are left out.
-
-        Returns
-        -------
-        Run
-            The others; it shares their memory.
-        """
+        """The run without its first periods; it shares their memory."""
         rest, n = slice(first, None), len(self.torque)
         found: dict[str, Any] = {}
         for name in (field.name for field in fields(self)):
@@ -223,107 +141,51 @@ class Run:
 
     @property
     def ts(self) -> float:
-        """Control period.
-
-        Returns
-        -------
-        float
-            s.
-        """
+        """Control period, s."""
         return self.drive.control.ts
 
     @property
     def current(self) -> NDArray[np.complex128]:
-        """Stator current of the plant at each step.
-
-        Returns
-        -------
-        ndarray of complex128, shape (n,)
-            A.
-        """
+        """Stator current of the plant at each step, A."""
         return self.current_inside[:: len(self.current_inside) // len(self.torque)]
 
     @property
     def u(self) -> IntArray:
-        """First vector of each decision.
-
-        Returns
-        -------
-        ndarray of int64, shape (n,)
-            Numbers, 0 to 7.
-        """
+        """First vector of each decision, 0 to 7."""
         return self.decided.vectors[:, 0]
 
     @property
     def shadow(self) -> IntArray:
-        """First vector of what the ideal controller would have decided.
-
-        Returns
-        -------
-        ndarray of int64, shape (n,)
-            Numbers, 0 to 7.
-        """
+        """First vector of what the ideal controller would have decided, 0 to 7."""
         return self.wanted.vectors[:, 0]
 
     @functools.cached_property
     def margin(self) -> FloatArray:
-        """By how much the ideal controller's second best vector costs more than its best.
-
-        Returns
-        -------
-        ndarray of float64, shape (n,)
-            N*m (Wb for MPFC).
-        """
+        """What the ideal controller's second best vector costs more, N*m (Wb for MPFC)."""
         return ideal.margins(self.drive, self.trace)
 
     @property
     def mismatch(self) -> float:
-        """Share of decisions that differ from the ideal controller's.
-
-        Returns
-        -------
-        float
-            0 to 1.
-        """
+        """Share of decisions that differ from the ideal controller's."""
         return float(np.mean(self.u != self.shadow))
 
     @property
     def worst_margin(self) -> float:
-        """Largest lead of the best vector in a step decided differently from ideal.
-
-        Returns
-        -------
-        float
-            N*m (Wb for MPFC); 0 where no decision differs.
-        """
+        """Largest margin in a step decided differently from ideal, N*m (Wb for MPFC), or 0."""
         differs = self.u != self.shadow
         return float(self.margin[differs].max()) if differs.any() else 0.0
 
     @property
     def sample_time(self) -> float:
-        """Distance of two samples.
-
-        Returns
-        -------
-        float
-            s.
-        """
+        """Distance of two samples, s."""
         return self.ts * len(self.torque) / len(self.torque_inside)
 
     def figures(self) -> dict[str, float]:
         """Distortion, ripple and switching frequency; the first tenth is left out.
 
-        Returns
-        -------
-        dict of str to float
-            `thd_pct` of the current of phase a, sampled inside the period, at the frequency that
-            the flux has; `torque_ripple_nm` (standard deviation inside the period);
-            `torque_mean_nm`; `switching_hz` of a switch.
-
-        Raises
-        ------
-        ValueError
-            If the run does not cover one period of the flux.
+        `thd_pct` of phase a, sampled inside the period, at the frequency that the flux has;
+        `torque_ripple_nm`, the standard deviation inside the period; `torque_mean_nm`;
+        `switching_hz` of a switch. ValueError if the run does not cover one period of the flux.
         """
         first = len(self.torque) // 10
         per_period = len(self.torque_inside) // len(self.torque)
@@ -361,25 +223,10 @@ class Asked(NamedTuple):
 
 @njit
 def ask(a, k, plant, i, psi, omega):
-    """References of a period: speed controller, field weakening, and the flux before the torque.
+    """Torque (N*m) and flux (Wb) reference of period k: speed control, weakening, flux first.
 
-    Parameters
-    ----------
-    a : Asked
-        Its state is moved on.
-    k : int
-        Control period, from 0.
-    plant : PlantParameters
-        Its pole pairs and control period count.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) as the controller knows them.
-    omega : float
-        Electrical speed as the speed controller knows it, rad/s.
-
-    Returns
-    -------
-    torque_ref, psi_ref : float
-        N*m, Wb.
+    Current (A), flux (Wb) and electrical speed (rad/s) are those that the controller knows; the
+    state of `a` moves on.
     """
     asked, psi_ref, limit = a.torque_ref[k], a.psi_ref[k], a.gains[2]
     if a.limits.current > 0.0:
@@ -404,22 +251,13 @@ def ask(a, k, plant, i, psi, omega):
 
 
 class Switching(NamedTuple):
-    """How the inverter applies what was decided.
+    """How the inverter applies what was decided."""
 
-    Attributes
-    ----------
-    centred : bool
-        Whether vectors are applied as seven segments, as SVM does.
-    vectors, lengths : ndarray, shape (7,)
-        Room for the segments.
-    last : ndarray of int64, shape (1,)
-        Vector that was applied last.
-    """
-
-    centred: bool
+    centred: bool  # Whether vectors are applied as seven segments, as SVM does
+    # vectors, lengths: (7,): Room for the segments.
     vectors: IntArray
     lengths: FloatArray
-    last: IntArray
+    last: IntArray  # (1,): Vector that was applied last
 
 
 @njit
@@ -462,20 +300,7 @@ def _stays(observer, measured, omega, applied, vdc):
 
 @njit
 def no_wish(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
-    """Stand in where the ideal controller is not asked.
-
-    Parameters
-    ----------
-    p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref : any
-        Not looked at.
-
-    Returns
-    -------
-    sequence : VectorSequence
-        u_0.
-    saturated, clamped : int
-        0.
-    """
+    """Stand in where the ideal controller is not asked: u_0, nothing saturated or clamped."""
     return whole(0), 0, 0
 
 
@@ -525,18 +350,7 @@ _loop = njit(kept=False)(_steps)
 
 @functools.cache
 def of_one(decide: Any) -> Any:
-    """A controller of one vector with the signature of the methods of several.
-
-    Parameters
-    ----------
-    decide : compiled function
-        As `ideal.decide`.
-
-    Returns
-    -------
-    compiled function
-        As `ideal_sequences.decide`; the first vector of what is being applied counts.
-    """
+    """A controller of one vector (`ideal.decide`) as one of several (`ideal_sequences.decide`)."""
 
     @njit(kept=False)
     def _decide_one(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
@@ -549,28 +363,10 @@ def of_one(decide: Any) -> Any:
 def controller_of(
     drive: MptcDrive, engine: str, values: Registers | None = None
 ) -> tuple[Any, Any]:
-    """Compiled function of an engine, for any method, and its parameters.
+    """Compiled `ideal_sequences.decide` of an engine, for any method, and its first argument.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        What it is set up for.
-    engine : str
-        "model" for the bit-true twin, "ideal" for float64.
-    values : Registers, optional
-        Registers of the twin instead of the drive's.
-
-    Returns
-    -------
-    decide : compiled function
-        With the signature of `ideal_sequences.decide`.
-    parameters
-        Its first argument.
-
-    Raises
-    ------
-    ValueError
-        If there is no bit-true twin of the method, or a value cannot be represented.
+    "model" is the bit-true twin, "ideal" float64. ValueError without a twin of the method, or where
+    a value cannot be represented.
     """
     if drive.control.sequences:
         if engine == "ideal":
@@ -582,37 +378,16 @@ def controller_of(
 
 
 def samples_of(ts: float) -> int:
-    """Samples inside a control period.
-
-    Parameters
-    ----------
-    ts : float
-        Control period, s.
-
-    Returns
-    -------
-    int
-        As few as lie at most `SAMPLE_TIME` apart.
-    """
+    """Samples inside a control period (s): as few as lie at most `SAMPLE_TIME` apart."""
     return max(1, math.ceil(ts / SAMPLE_TIME - 1e-9))
 
 
 class Observing(NamedTuple):
-    """An observer in a loop: its two compiled functions, and its state.
+    """An observer in a loop: its two compiled functions, and its state."""
 
-    Attributes
-    ----------
-    estimate : compiled function
-        As `_exact`.
-    advance : compiled function
-        As `_stays`.
-    state
-        First argument of both.
-    """
-
-    estimate: Any
-    advance: Any
-    state: Any
+    estimate: Any  # As `_exact`
+    advance: Any  # As `_stays`
+    state: Any  # First argument of both
 
 
 EXACT = Observing(_exact, _stays, 0)
@@ -634,34 +409,9 @@ def run(
 ) -> Run:
     """Put the parts of a loop together and run it.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        dc-link voltage, control period and method.
-    scenario : Scenario
-        References, load and first state.
-    controller : tuple
-        Function with the signature of `ideal_sequences.decide`, and its parameters.
-    compiled : bool
-        Whether the loop is compiled, as its functions have to be then.
-    wish : tuple, optional
-        Controller that is asked beside it; the ideal one if not given.
-    observing : Observing
-        What the controller knows of flux and speed.
-    plant : PlantParameters, optional
-        The drive's own with imposed speed if not given.
-    errors : CompiledErrors, optional
-        Of sensors and switches; none unless given.
-    inside : bool, optional
-        Whether the plant goes on in samples inside the period; if not given, for methods of two
-        and three vectors.
-    switch : function, optional
-        Inverter and plant of one period in the place of our own, as `_one_vector`.
-
-    Returns
-    -------
-    Run
-        One row per entry of the scenario.
+    `inside`: samples inside the period, by default for methods of several vectors. `switch`:
+    inverter and plant of a period in place of our own, as `_one_vector`. `wish` is asked beside the
+    controller.
     """
     n, c = len(scenario.torque_ref), drive.control
     several = c.sequences if inside is None else inside
@@ -719,38 +469,11 @@ def simulate(
     errors: MptcErrors = NO_ERRORS,
     inside: bool | None = None,
 ) -> Run:
-    """Run a closed loop.
+    """Run a closed loop of the twin ("model") or of float64 ("ideal"), or of a compiled controller.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        What the controller knows.
-    scenario : Scenario
-        References, load and first state.
-    engine : str
-        "model" for the bit-true twin, "ideal" for float64.
-    plant : PlantParameters, optional
-        The drive's own with imposed speed if not given.
-    values : Registers, optional
-        Registers of the twin instead of the drive's.
-    controller : tuple, optional
-        A compiled function and its parameters instead of the engine's, with the signature of
-        `ideal.decide`, or of `ideal_sequences.decide` for methods of two and three vectors.
-    errors : MptcErrors
-        Of sensors and switches; none unless given. The ideal controller beside it sees the same.
-    inside : bool, optional
-        As of `run`.
-
-    Returns
-    -------
-    Run
-        One row per entry of the scenario.
-
-    Raises
-    ------
-    ValueError
-        If there is no bit-true twin of the method, a value of the drive cannot be represented, or
-        the drive cannot have such errors.
+    `values` are registers of the twin; the ideal controller beside it sees the same errors.
+    ValueError without a twin of the method, for a value that cannot be represented, or errors that
+    the drive cannot have.
     """
     if controller is None:
         controller = controller_of(drive, engine, values)
@@ -761,30 +484,9 @@ def simulate(
 
 
 def constant(drive: MptcDrive, rpm: float, load: float, psi_ref: float, steps: int) -> Scenario:
-    """A constant operating point with imposed speed, begun in its fundamental steady state.
+    """A constant operating point with imposed speed (`rpm`, 1/min), begun in its steady state.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine.
-    rpm : float
-        Mechanical speed, 1/min.
-    load : float
-        Load torque and torque reference, N*m.
-    psi_ref : float
-        Stator flux reference, Wb.
-    steps : int
-        Control steps.
-
-    Returns
-    -------
-    Scenario
-        `steps` entries, without a speed reference.
-
-    Raises
-    ------
-    ValueError
-        If the torque is beyond breakdown at this flux.
+    Torque in N*m, flux in Wb. ValueError beyond the breakdown torque at this flux.
     """
     current, flux = steady_state(drive, 0.0, load, psi_ref)
     return Scenario(
@@ -801,20 +503,6 @@ def turned(scenario: Scenario, turn: complex, omega_r: float) -> Scenario:
     """The same scenario, begun at another angle and electrical speed (rad/s).
 
     `turn` is the factor of length 1 that current and flux are multiplied with.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        Not changed.
-    turn : complex
-        Factor of length 1 that current and flux are multiplied with.
-    omega_r : float
-        Electrical speed at the first step, rad/s.
-
-    Returns
-    -------
-    Scenario
-        With the same references and loads.
     """
     return replace(
         scenario, current=scenario.current * turn, flux=scenario.flux * turn, omega_r=omega_r
@@ -833,34 +521,9 @@ def drive_controller(
 ) -> Run:
     """Run any controller in closed loop with our plant, step by step in Python.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        dc-link voltage, and what the ideal controller beside it knows.
-    controller : Controller
-        Asked once per step, with an `MptcState`; its decision acts one step later.
-    scenario : Scenario
-        References, load and first state.
-    plant : PlantParameters, optional
-        The drive's own with imposed speed if not given.
-    errors : MptcErrors
-        Of sensors and switches; none unless given.
-    progress : callable, optional
-        Called with the number of decisions made.
-    switch : function, optional
-        As of `run`.
-
-    Returns
-    -------
-    Run
-        As `simulate`.
-
-    Raises
-    ------
-    StateError
-        If an answer is no decision of the drive's method.
-    ValueError
-        If the drive cannot have such errors.
+    It is asked with an `MptcState`; its decision acts one step later. `progress` is told the number
+    of decisions; `switch` as of `run`. StateError if an answer is no decision of the drive's
+    method, ValueError for errors the drive cannot have.
     """
     several, made = drive.control.sequences, 0
 

@@ -69,18 +69,7 @@ class Words(NamedTuple):
 
 @njit
 def words(register):
-    """``Words`` out of ``Registers.array()``.
-
-    Parameters
-    ----------
-    register : ndarray of int64, shape (13,)
-        ``Registers.array()``.
-
-    Returns
-    -------
-    Words
-        The same integers by name.
-    """
+    """``Words`` out of ``Registers.array()`` (13,)."""
     return Words(
         register[0], register[1], register[2], register[3], register[4], register[5], register[6],
         register[7], register[8], register[9], register[10], register[11], register[12],
@@ -113,46 +102,22 @@ _UNITS = {
 
 @dataclass(frozen=True)
 class Registers:
-    """Run-time parameters of ``mptc_core`` as integers.
+    """Run-time parameters of ``mptc_core`` as integers."""
 
-    Attributes
-    ----------
-    coefficients : dict of int
-        One signed 18-bit value per name of ``COEFFICIENTS``.
-    flux_control : int
-        1: MPFC.
-    torque_unit : float
-        Base of the torque terms, N*m; for reports only.
-    rotor_unit : float
-        W, base of w, A; for reports only.
-    """
-
-    coefficients: dict[str, int]
-    flux_control: int
-    torque_unit: float
-    rotor_unit: float
+    coefficients: dict[str, int]  # One signed 18-bit value per name of ``COEFFICIENTS``
+    flux_control: int  # 1: MPFC
+    torque_unit: float  # Base of the torque terms, N*m; for reports only
+    rotor_unit: float  # W, base of w, A; for reports only
 
     def ports(self) -> dict[str, int]:
-        """Every parameter port of the core: name -> integer, in port order.
-
-        Returns
-        -------
-        dict of str to int
-            Signed 18-bit words with ``c_`` before their name, then `flux_control`.
-        """
+        """Every parameter port by name, in port order: signed 18-bit words, then `flux_control`."""
         return {
             **{f"c_{name}": self.coefficients[name] for name in COEFFICIENTS},
             "flux_control": self.flux_control,
         }
 
     def array(self) -> NDArray[np.int64]:
-        """``ports`` as an array, for compiled code.
-
-        Returns
-        -------
-        ndarray of int64, shape (13,)
-            In port order.
-        """
+        """``ports`` as an array, for compiled code."""
         return np.array(list(self.ports().values()), dtype=np.int64)
 
 
@@ -205,23 +170,7 @@ def _too_large(drive: MptcDrive, name: str, value: float, by_torque: bool) -> Va
 
 
 def registers(drive: MptcDrive) -> Registers:
-    """Register values of a drive.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Validated drive file.
-
-    Returns
-    -------
-    Registers
-        Words as the ports take them.
-
-    Raises
-    ------
-    ValueError
-        Where a value cannot be represented; the message names the drive file's key.
-    """
+    """Register values of a drive; ValueError names the key that cannot be represented."""
     m, c = drive.machine, drive.control
     lam = 1.0 / (m.ls * m.lr - m.lm * m.lm)
     current, flux = c.current_max * _FULL, c.psi_max * _FULL

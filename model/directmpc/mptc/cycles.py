@@ -41,18 +41,7 @@ DRIVE: dict[str, int] = {method: clocks + 1 for method, clocks in CORE.items()}
 
 
 def of(method: str, rule: str) -> int:
-    """Clocks of ``mptc_core`` or, with a method of several vectors, of ``mptc_family_core``.
-
-    Parameters
-    ----------
-    method, rule : str
-        Keys ``control.method`` and ``control.duty_rule`` of the drive file.
-
-    Returns
-    -------
-    int
-        Clock cycles.
-    """
+    """Clocks of ``mptc_core`` or, with a method of several vectors, of ``mptc_family_core``."""
     return (CORE | FAMILY | (BEST if rule == "best" else {}))[method]
 
 

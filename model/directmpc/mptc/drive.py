@@ -102,13 +102,7 @@ class MptcControl(Section):
 
     @property
     def sequences(self) -> bool:
-        """Whether the method applies two or three vectors a period.
-
-        Returns
-        -------
-        bool
-            False for MPTC and MPFC.
-        """
+        """Whether the method applies two or three vectors a period."""
         return self.method in SEQUENCE_METHODS
 
 

@@ -23,25 +23,14 @@ _ALPHA, _BETA, _APPLIED, _MAGNETISED = 4, 5, 6, 7
 
 
 class Parameters(NamedTuple):
-    """Run-time inputs of ``mptc_drive`` but for measurements and references.
+    """Run-time inputs of ``mptc_drive`` but for measurements and references."""
 
-    Attributes
-    ----------
-    core : ndarray of int64
-        ``Registers.array()``.
-    observer : ndarray of int64
-        ``observer.array(...)``.
-    limit, level : int
-        Of `preexcitation.levels`.
-    excite : int
-        1: pre-excitation first.
-    """
-
-    core: IntArray
-    observer: IntArray
+    core: IntArray  # ``Registers.array()``
+    observer: IntArray  # ``observer.array(...)``
+    # limit, level: Of `preexcitation.levels`.
     limit: int
     level: int
-    excite: int
+    excite: int  # 1: pre-excitation first
 
 
 def parameters(
@@ -52,30 +41,10 @@ def parameters(
     values: Registers | None = None,
     gain: float = observer.GAIN,
 ) -> Parameters:
-    """Parameters for a drive.
+    """Words of a drive's ports; ValueError where one cannot be represented.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine, full scales and control period.
-    limit : float, optional
-        Current limit of the pre-excitation, A; without it there is none.
-    flux : float
-        Flux that ends it, Wb.
-    values : Registers, optional
-        Registers of the core instead of the drive's.
-    gain : float
-        b of eq. 9, 1/s.
-
-    Returns
-    -------
-    found : Parameters
-        Words as the ports take them.
-
-    Raises
-    ------
-    ValueError
-        Where a value cannot be represented.
+    `limit` (A) and `flux` (Wb) are those of the pre-excitation, none without a limit. `gain` is b
+    of eq. 9, 1/s.
     """
     chosen = values or registers(drive)
     words = observer.coefficients(drive, gain, chosen)
@@ -86,34 +55,14 @@ def parameters(
 
 
 def initial() -> IntArray:
-    """State after a reset: no flux, u_0 applied.
-
-    Returns
-    -------
-    ndarray of int64, shape (8,)
-        All zero.
-    """
+    """State after a reset (8,): no flux, u_0 applied."""
     return np.zeros(STATE_WORDS, dtype=np.int64)
 
 
 def state_at(drive: MptcDrive, p: Parameters, current: complex, flux: complex) -> IntArray:
-    """State of an observer that has estimated a machine's state; u_0 applied.
+    """State (8,) of an observer that has estimated current (A) and flux (Wb); u_0 applied.
 
     The RTL comes to such a state by magnetising; a loop that begins at speed is given it.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Full scales.
-    p : Parameters
-        Of the same drive.
-    current, flux : complex
-        Stator current (A) and stator flux linkage (Wb).
-
-    Returns
-    -------
-    ndarray of int64, shape (8,)
-        As ``step_words`` takes it.
     """
     words, _ = bit_true.encode_row(
         *bit_true.parameters(drive)[1:], current, flux, 0.0, 0.0, 0.0, 0.0
@@ -129,23 +78,10 @@ def state_at(drive: MptcDrive, p: Parameters, current: complex, flux: complex) -
 
 @njit
 def step_words(p, state, m):
-    """One step of ``mptc_drive``.
+    """One step of ``mptc_drive``: vector from k+1 on, saturated, clamped, exciting.
 
-    Parameters
-    ----------
-    p : Parameters
-        Of `parameters`.
-    state : ndarray of int64, shape (8,)
-        Replaced by the next.
-    m : ndarray of int64, shape (6,)
-        is_alpha, is_beta, omega_r, v_dc, torque_ref, psi_ref as the ports take them.
-
-    Returns
-    -------
-    u : int
-        Vector to apply from k+1 on, 0 to 7.
-    saturated, clamped, exciting : int
-        Flags. The estimated flux for k+1 stands in the state.
+    `state` (8,) is replaced and holds the flux for k+1; `m` (6,): is_alpha, is_beta, omega_r, v_dc,
+    torque_ref, psi_ref in words.
     """
     seen = np.empty(8, dtype=np.int64)
     seen[0:2] = m[0:2]
@@ -185,19 +121,7 @@ class Controller(NamedTuple):
 def controller(drive: MptcDrive, words: Parameters, state: IntArray | None = None) -> Controller:
     """A controller for one loop, in its state after a reset if none is given.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Formats of the measurements.
-    words : Parameters
-        Of `parameters`.
-    state : ndarray of int64, shape (8,), optional
-        First state, copied; that after a reset if not given.
-
-    Returns
-    -------
-    Controller
-        With a state of its own.
+    The state (8,) is copied.
     """
     return Controller(
         words, *bit_true.parameters(drive)[1:], initial() if state is None else state.copy()
@@ -206,29 +130,10 @@ def controller(drive: MptcDrive, words: Parameters, state: IntArray | None = Non
 
 @njit
 def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
-    """``step_words`` on real numbers: the signature of ``ideal.decide``.
+    """``step_words`` on real numbers, SI: the signature of ``ideal.decide``; call once a period.
 
-    Parameters
-    ----------
-    p : Controller
-        Its state is moved on: call once a period.
-    i : complex
-        Stator current at k, A.
-    psi : complex
-        Not looked at: the flux is the observer's.
-    omega_r : float
-        Electrical speed at k, rad/s.
-    u : int
-        Not looked at: the applied vector is the last decision.
-    vdc, torque_ref, psi_ref : float
-        V, N*m, Wb.
-
-    Returns
-    -------
-    u : int
-        Vector to apply from k+1 on, 0 to 7.
-    saturated, clamped : int
-        Flags; `saturated` covers the inputs.
+    The state in `p` is moved on. The flux is the observer's, the applied vector the last decision.
+    `saturated` covers the inputs.
     """
     seen, clipped = bit_true.encode_row(
         p.scales, p.lows, p.highs, i, 0j, omega_r, vdc, torque_ref, psi_ref
@@ -248,21 +153,10 @@ def _run_words(p, state, measurements, out):
 
 
 def run_words(p: Parameters, measurements: IntArray, state: IntArray | None = None) -> IntArray:
-    """Successive periods of ``mptc_drive``.
+    """Successive periods of ``mptc_drive`` for words (n, 6), from a reset unless a state is given.
 
-    Parameters
-    ----------
-    p : Parameters
-        Of `parameters`.
-    measurements : ndarray of int64, shape (n, 6)
-        As in `step_words`.
-    state : ndarray of int64, shape (8,), optional
-        First state, that after a reset if not given.
-
-    Returns
-    -------
-    ndarray of int64, shape (n, 6)
-        u, saturated, clamped, exciting, and the flux they were decided on, as the ports have it.
+    Rows (n, 6): u, saturated, clamped, exciting, and the flux they were decided on as the ports
+    have it.
     """
     out = np.empty((len(measurements), 6), dtype=np.int64)
     _run_words(p, initial() if state is None else state.copy(), measurements, out)
@@ -270,19 +164,6 @@ def run_words(p: Parameters, measurements: IntArray, state: IntArray | None = No
 
 
 def encode(drive: MptcDrive, trace: MptcTrace) -> IntArray:
-    """Measurements of ``mptc_drive`` in a recorded loop.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Full scales and dc-link voltage.
-    trace : MptcTrace
-        n rows, SI.
-
-    Returns
-    -------
-    ndarray of int64, shape (n, 6)
-        As in `step_words`; values beyond a word are at its end.
-    """
+    """Words (n, 6) of ``mptc_drive`` for a recorded loop; values beyond a word are at its end."""
     measurements, _ = bit_true.encode(drive, trace)
     return measurements[:, [0, 1, 4, 5, 6, 7]]

@@ -123,20 +123,7 @@ NO_ERRORS = MptcErrors()
 
 
 def check_errors(errors: MptcErrors, drive: MptcDrive) -> None:
-    """Refuse errors that a drive cannot have.
-
-    Parameters
-    ----------
-    errors : MptcErrors
-        SI.
-    drive : MptcDrive
-        Its full scale of the current, dc-link voltage and control period count.
-
-    Raises
-    ------
-    ValueError
-        If a value is beyond what `MptcErrors` allows; names it and says what is allowed.
-    """
+    """ValueError with what is allowed where a drive cannot have the errors."""
     current = LARGEST_SHARE * drive.control.current_max
     for name, low, high, unit, of in (
         ("noise_current", 0.0, current, "A", "control.current_max"),
@@ -157,27 +144,13 @@ def check_errors(errors: MptcErrors, drive: MptcDrive) -> None:
 
 
 class CompiledErrors(NamedTuple):
-    """`MptcErrors` for compiled code.
+    """`MptcErrors` for compiled code."""
 
-    Attributes
-    ----------
-    matrix : ndarray of float64, shape (2, 2)
-        What the sensors make of the current, alpha and beta.
-    added : ndarray of float64, shape (n, 2)
-        Added to it in each period, A; no rows where the sensors are exact.
-    lsb : float
-        Of the converters, A; 0 for none.
-    dead_time : float
-        s.
-    ripple : ndarray of float64, shape (n,)
-        Added to v_dc in each period, V; no rows where there is none.
-    """
-
-    matrix: FloatArray
-    added: FloatArray
-    lsb: float
-    dead_time: float
-    ripple: FloatArray
+    matrix: FloatArray  # (2, 2): What the sensors make of the current, alpha and beta
+    added: FloatArray  # (n, 2): Added to it in each period, A; no rows where the sensors are exact
+    lsb: float  # Of the converters, A; 0 for none
+    dead_time: float  # s
+    ripple: FloatArray  # (n,): Added to v_dc in each period, V; no rows where there is none
 
 
 #: Of a drive without errors.
@@ -185,26 +158,9 @@ EXACT = CompiledErrors(np.eye(2), np.empty((0, 2)), 0.0, 0.0, np.empty(0))
 
 
 def compiled_errors(errors: MptcErrors, drive: MptcDrive, periods: int) -> CompiledErrors:
-    """What sensors and switches of a run do.
+    """What sensors and switches do in a run; noise is the same for a seed, whatever the length.
 
-    Parameters
-    ----------
-    errors : MptcErrors
-        SI.
-    drive : MptcDrive
-        Its full scale of the current, dc-link voltage and control period count.
-    periods : int
-        Length of the run, control periods.
-
-    Returns
-    -------
-    CompiledErrors
-        The noise is the same for the same seed, whatever the length.
-
-    Raises
-    ------
-    ValueError
-        As `check_errors`.
+    ValueError as `check_errors`.
     """
     check_errors(errors, drive)
     g, found = errors.gain_current, EXACT
@@ -224,22 +180,7 @@ def compiled_errors(errors: MptcErrors, drive: MptcDrive, periods: int) -> Compi
 
 @njit
 def measure(given, k, i):
-    """What the sensors say of a current.
-
-    Parameters
-    ----------
-    given : CompiledErrors
-        From `compiled_errors`.
-    k : int
-        Control period, from 0.
-    i : complex
-        Stator current, A.
-
-    Returns
-    -------
-    complex
-        A.
-    """
+    """What the sensors say of a current (A) in control period k."""
     if len(given.added) == 0:
         return i
     alpha = given.matrix[0, 0] * i.real + given.matrix[0, 1] * i.imag + given.added[k, 0]
@@ -251,32 +192,16 @@ def measure(given, k, i):
 
 
 class Legs(NamedTuple):
-    """The three phases of an inverter whose switches have a dead time.
+    """The three phases of an inverter whose switches have a dead time."""
 
-    Attributes
-    ----------
-    asked : ndarray of int64, shape (3,)
-        1 where the phase is to be connected to the positive rail.
-    held : ndarray of int64, shape (3,)
-        The same of the diode that conducts while the dead time lasts.
-    left : ndarray of float64, shape (3,)
-        What is left of the dead time, s.
-    """
-
-    asked: IntArray
-    held: IntArray
-    left: FloatArray
+    asked: IntArray  # (3,): 1 where the phase is to be connected to the positive rail
+    held: IntArray  # (3,): The same of the diode that conducts while the dead time lasts
+    left: FloatArray  # (3,): What is left of the dead time, s
 
 
 @njit
 def legs_at_rest():
-    """Phases that apply u_0, as every loop begins.
-
-    Returns
-    -------
-    Legs
-        With arrays of its own.
-    """
+    """Phases that apply u_0, as every loop begins; arrays of its own."""
     return Legs(np.zeros(3, dtype=np.int64), np.zeros(3, dtype=np.int64), np.zeros(3))
 
 
@@ -340,31 +265,7 @@ def _at_link(given, k, p):
 def erring_step(given, k, legs, p, i, psi, omega_r, u, load):
     """`plant.step` with what switches and dc link do wrong; without errors the same bit by bit.
 
-    Parameters
-    ----------
-    given : CompiledErrors
-        From `compiled_errors`.
-    k : int
-        Control period, from 0.
-    legs : Legs
-        Of `legs_at_rest`; changed in place.
-    p : PlantParameters
-        From `plant.plant_parameters`.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k.
-    omega_r : float
-        Electrical speed at k, rad/s.
-    u : int
-        Number of the voltage vector, 0 to 7.
-    load : float
-        Load torque, N*m.
-
-    Returns
-    -------
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k+1.
-    omega_r : float
-        Electrical speed at k+1, rad/s.
+    `legs` changes in place.
     """
     real = _at_link(given, k, p)
     if given.dead_time > 0.0:
@@ -380,39 +281,8 @@ def erring_step(given, k, legs, p, i, psi, omega_r, u, load):
 def erring_sequence(given, k, legs, p, i, psi, omega_r, vectors, lengths, load, current, made):
     """`plant.step_sequence` with what switches and dc link do wrong; as `erring_step`.
 
-    A dead time that is longer than a vector's time goes on in the next one, and in the next period.
-
-    Parameters
-    ----------
-    given : CompiledErrors
-        From `compiled_errors`.
-    k : int
-        Control period, from 0.
-    legs : Legs
-        Of `legs_at_rest`; changed in place.
-    p : PlantParameters
-        From `plant.plant_parameters`.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k.
-    omega_r : float
-        Electrical speed at k, rad/s.
-    vectors : ndarray of int64, shape (m,)
-        Numbers of the voltage vectors in the order applied.
-    lengths : ndarray of float64, shape (m,)
-        Their fractions of the period; what is left of it belongs to the last.
-    load : float
-        Load torque, N*m.
-    current : ndarray of complex128, shape (s,)
-        Filled with the current at s equal distances, from k on, A.
-    made : ndarray of float64, shape (s,)
-        Filled with the electromagnetic torque there, N*m.
-
-    Returns
-    -------
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k+1.
-    omega_r : float
-        Electrical speed at k+1, rad/s.
+    `legs` changes in place. A dead time that is longer than a vector's time goes on in the next
+    one, and in the next period.
     """
     real = _at_link(given, k, p)
     if given.dead_time > 0.0:

@@ -97,54 +97,24 @@ class FocTuning:
 
 
 class FocParameters(NamedTuple):
-    """All that `decide` needs to know, and what it remembers.
+    """All that `decide` needs to know, and what it remembers."""
 
-    Attributes
-    ----------
-    machine : IdealParameters
-        SI.
-    leakage : float
-        sigma*L_s, H.
-    kp, ki : float
-        Current PI: ohm, ohm/s.
-    kp_flux, ki_flux : float
-        Flux PI: A/Wb, A/(Wb*s).
-    current_max : float
-        Longest current reference, A.
-    memory : ndarray of complex128, shape (2,)
-        Integrals of the current PI (V, in d and q) and of the flux PI (A). `decide` changes them.
-    """
-
-    machine: IdealParameters
-    leakage: float
+    machine: IdealParameters  # SI
+    leakage: float  # sigma*L_s, H
+    # kp, ki: Current PI: ohm, ohm/s.
     kp: float
     ki: float
+    # kp_flux, ki_flux: Flux PI: A/Wb, A/(Wb*s).
     kp_flux: float
     ki_flux: float
-    current_max: float
+    current_max: float  # Longest current reference, A
+    # (2,): Integrals of the current PI (V, in d and q) and of the flux PI (A). `decide` changes
+    # them.
     memory: np.ndarray
 
 
 def parameters(drive: MptcDrive, tuning: FocTuning | None = None) -> FocParameters:
-    """Gains for a drive, and empty integrators.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine, control period and largest current; its method is SVM.
-    tuning : FocTuning, optional
-        That of the control period if not given.
-
-    Returns
-    -------
-    FocParameters
-        SI.
-
-    Raises
-    ------
-    ValueError
-        If the drive's method is not SVM.
-    """
+    """Gains for a drive (SI), and empty integrators; ValueError if its method is not SVM."""
     m, c = drive.machine, drive.control
     if c.method != "SVM":
         raise ValueError(
@@ -166,24 +136,11 @@ def parameters(drive: MptcDrive, tuning: FocTuning | None = None) -> FocParamete
 
 @njit
 def rotor_flux_reference(p, torque_ref, psi_ref):
-    """Rotor flux at which a torque takes a stator flux, in steady state (Paper B, eqs. 1 to 3).
+    """Rotor flux (Wb) at which a torque takes a stator flux in steady state (Paper B, eqs. 1 to 3).
 
-    With i_d = psi_r/L_m and i_q from the torque, |psi_s|^2 = (L_s/L_m*psi_r)^2 +
-    (sigma*L_s*i_q)^2; the larger of its two roots.
-
-    Parameters
-    ----------
-    p : FocParameters
-        From `parameters`.
-    torque_ref, psi_ref : float
-        N*m, Wb.
-
-    Returns
-    -------
-    psi_r : float
-        Wb.
-    clamped : bool
-        Whether no rotor flux makes this torque: then that of the largest torque.
+    With i_d = psi_r/L_m and i_q from the torque, |psi_s|^2 = (L_s/L_m*psi_r)^2 + (sigma*L_s*i_q)^2;
+    the larger of its two roots. Also whether no flux makes this torque: then it is that of the
+    largest torque.
     """
     m = p.machine
     a = (m.ls / m.lm) ** 2
@@ -195,29 +152,10 @@ def rotor_flux_reference(p, torque_ref, psi_ref):
 
 @njit
 def decide(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
-    """One control period; the integrators in `p.memory` go on by it.
+    """One control period, SI, in seven segments; the integrators in `p.memory` go on by it.
 
-    Parameters
-    ----------
-    p : FocParameters
-        From `parameters`.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k.
-    omega_r : float
-        Electrical speed, rad/s.
-    applied : VectorSequence
-        Not needed.
-    vdc, torque_ref, psi_ref : float
-        V, N*m, Wb.
-
-    Returns
-    -------
-    sequence : VectorSequence
-        To apply from k+1 on, in seven segments.
-    saturated : int
-        1 where the voltage is beyond the hexagon.
-    clamped : int
-        1 where a current reference is limited, or no rotor flux makes the torque.
+    `saturated`: the voltage is beyond the hexagon. `clamped`: a current reference is limited, or no
+    rotor flux makes the torque.
     """
     m, memory = p.machine, p.memory
     rotor = m.lr / m.lm * psi - i / (inverse_determinant(m) * m.lm)

@@ -111,17 +111,9 @@ MEASUREMENTS: tuple[str, ...] = (
 
 
 def measurement_formats(drive: MptcDrive) -> dict[str, Format]:
-    """Formats of the measurement ports for a drive, SI; name to format in port order.
+    """Formats of the ports for a drive, LSB per A, Wb, rad/s, V and N*m, in port order.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Full scales and dc-link voltage.
-
-    Returns
-    -------
-    dict of str to Format
-        LSB per A, Wb, rad/s, V and N*m; psi_ref with half of the magnitude's gain.
+    psi_ref has half of the magnitude's gain.
     """
     c = drive.control
     high = 2 ** (MEASUREMENT_WIDTH - 1) - 1

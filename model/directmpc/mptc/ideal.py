@@ -44,18 +44,7 @@ class IdealParameters(NamedTuple):
 
 
 def ideal_parameters(drive: MptcDrive) -> IdealParameters:
-    """Collect the parameters of the ideal controller from a drive.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Validated drive.
-
-    Returns
-    -------
-    IdealParameters
-        SI.
-    """
+    """Parameters of the ideal controller of a drive, SI."""
     m, c = drive.machine, drive.control
     return IdealParameters(
         ts=c.ts,
@@ -74,24 +63,7 @@ def ideal_parameters(drive: MptcDrive) -> IdealParameters:
 
 @njit
 def heun(p, i, psi, omega_r, u):
-    """State after one control period by Heun's method (Paper B, eq. 5).
-
-    Parameters
-    ----------
-    p : IdealParameters
-        From `ideal_parameters`.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k.
-    omega_r : float
-        Electrical speed, rad/s.
-    u : complex
-        Stator voltage held over the period, V.
-
-    Returns
-    -------
-    i, psi : complex
-        At k+1.
-    """
+    """Current (A) and flux (Wb) after a period of voltage u (V), Heun's method (Paper B, eq. 5)."""
     di, dpsi = derivative(p, i, psi, omega_r, u)
     di, dpsi = p.ts * di, p.ts * dpsi
     ci, cpsi = derivative(p, di, dpsi, omega_r, 0j)
@@ -100,21 +72,9 @@ def heun(p, i, psi, omega_r, u):
 
 @njit
 def start_current(p, i, psi, omega_r):
-    """i_s0: the current at k+2 less what psi_s(k+2) adds to it (Paper B, eq. 14, from k+1 on).
+    """i_s0 in A: the current at k+2 less what psi_s(k+2) adds to it (Paper B, eq. 14).
 
-    Parameters
-    ----------
-    p : IdealParameters
-        From `ideal_parameters`.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k+1.
-    omega_r : float
-        Electrical speed, rad/s.
-
-    Returns
-    -------
-    complex
-        A.
+    Current and flux are those of k+1.
     """
     lam = inverse_determinant(p)
     return (
@@ -126,25 +86,9 @@ def start_current(p, i, psi, omega_r):
 
 @njit
 def flux_reference(p, i, psi, omega_r, torque_ref, psi_ref):
-    """Reference vector of the stator flux at k+2 (Paper B, eqs. 6 and 18 to 21).
+    """Stator flux reference at k+2, Wb; 1 where clamped (Paper B, eqs. 6 and 18 to 21).
 
-    Parameters
-    ----------
-    p : IdealParameters
-        From `ideal_parameters`.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k+1.
-    omega_r : float
-        Electrical speed, rad/s.
-    torque_ref, psi_ref : float
-        N*m, Wb.
-
-    Returns
-    -------
-    reference : complex
-        Wb.
-    clamped : bool
-        Whether the arcsine's argument was outside -1..1.
+    Current and flux are those of k+1; the arcsine's argument is clamped to -1..1.
     """
     lam = inverse_determinant(p)
     psi_r = p.lr / p.lm * psi - i / (lam * p.lm)
@@ -164,27 +108,9 @@ def flux_reference(p, i, psi, omega_r, torque_ref, psi_ref):
 
 @njit
 def costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
-    """Cost of u_0 (or u_7) to u_6 (Paper B, eqs. 11, 13 to 15; MPFC: eqs. 17 to 21).
+    """Cost of u_0 (or u_7) to u_6 (7,) (Paper B, eqs. 11, 13 to 15; MPFC: eqs. 17 to 21).
 
-    Parameters
-    ----------
-    p : IdealParameters
-        From `ideal_parameters`.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k.
-    omega_r : float
-        Electrical speed, rad/s.
-    u : int
-        Number of the vector that is being applied.
-    vdc, torque_ref, psi_ref : float
-        V, N*m, Wb.
-
-    Returns
-    -------
-    cost : ndarray of float64, shape (7,)
-        N*m for MPTC, Wb for MPFC.
-    clamped : bool
-        True where the arcsine's argument was.
+    N*m for MPTC, Wb for MPFC; also whether the arcsine's argument was clamped.
     """
     i1, psi1 = heun(p, i, psi, omega_r, p.unit[u] * vdc)
     i0 = start_current(p, i1, psi1, omega_r)
@@ -206,27 +132,7 @@ def costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
 def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     """One decision (Paper B, eqs. 4, 5, 11 and 13 to 15; MPFC: eqs. 17 to 21).
 
-    Parameters
-    ----------
-    p : IdealParameters
-        From `ideal_parameters`.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k.
-    omega_r : float
-        Electrical speed, rad/s.
-    u : int
-        Number of the vector that is being applied, 0 to 7.
-    vdc, torque_ref, psi_ref : float
-        V, N*m, Wb.
-
-    Returns
-    -------
-    u : int
-        0 to 7.
-    saturated : int
-        Always 0: the ideal controller has no number formats.
-    clamped : int
-        1 where the arcsine's argument was clamped.
+    SI at k. Gives u (0 to 7), saturated (always 0) and clamped (the arcsine's argument).
     """
     cost, clamped = costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref)
     zero = p.zero_from[u]
@@ -243,23 +149,7 @@ def decide(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
 def margin(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref):
     """By how much the second best vector costs more than the best (Paper B, eq. 11; MPFC: eq. 17).
 
-    Parameters
-    ----------
-    p : IdealParameters
-        From `ideal_parameters`.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k.
-    omega_r : float
-        Electrical speed, rad/s.
-    u : int
-        Number of the vector that is being applied, 0 to 7.
-    vdc, torque_ref, psi_ref : float
-        V, N*m, Wb.
-
-    Returns
-    -------
-    float
-        N*m for MPTC, Wb for MPFC; u_0 and u_7 count as one vector.
+    N*m for MPTC, Wb for MPFC; u_0 and u_7 count as one vector.
     """
     cost, _ = costs(p, i, psi, omega_r, u, vdc, torque_ref, psi_ref)
     cost.sort()
@@ -281,18 +171,7 @@ def _margins(p, vdc, i, psi, omega_r, torque_ref, psi_ref, u, out):
 
 
 def as_complex(vectors: FloatArray) -> np.ndarray:
-    """Columns alpha and beta as complex numbers.
-
-    Parameters
-    ----------
-    vectors : ndarray of float64, shape (n, 2)
-        Components alpha and beta, any unit.
-
-    Returns
-    -------
-    ndarray of complex128, shape (n,)
-        alpha + j*beta, same unit.
-    """
+    """Columns alpha and beta (n, 2) as complex numbers (n,)."""
     return vectors[:, 0] + 1j * vectors[:, 1]
 
 
@@ -305,40 +184,14 @@ def _arguments(drive: MptcDrive, trace: MptcTrace) -> tuple[Any, ...]:
 
 
 def margins(drive: MptcDrive, trace: MptcTrace) -> FloatArray:
-    """`margin` of every row of a trace.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine, dc-link voltage and method.
-    trace : MptcTrace
-        n independent rows.
-
-    Returns
-    -------
-    ndarray of float64, shape (n,)
-        N*m for MPTC, Wb for MPFC.
-    """
+    """`margin` of n independent rows of a trace, N*m for MPTC, Wb for MPFC."""
     out = np.empty(len(trace))
     _margins(*_arguments(drive, trace), out)
     return out
 
 
 def run(drive: MptcDrive, trace: MptcTrace) -> MptcDecisions:
-    """Decisions for every row of a trace.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine, dc-link voltage and method.
-    trace : MptcTrace
-        n independent rows.
-
-    Returns
-    -------
-    MptcDecisions
-        `cycles` is None, `saturated` zero.
-    """
+    """Decisions for n independent rows of a trace; `cycles` is None, `saturated` zero."""
     out = np.empty((len(trace), 3), dtype=np.int64)
     _run(*_arguments(drive, trace), out)
     return MptcDecisions(u=out[:, 0], cycles=None, saturated=out[:, 1])

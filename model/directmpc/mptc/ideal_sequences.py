@@ -46,65 +46,25 @@ _APART = np.array([0, 1, 2, 3, 2, 1], dtype=np.int64)
 
 
 class SequenceParameters(NamedTuple):
-    """All that `decide` needs to know about a drive.
+    """All that `decide` needs to know about a drive."""
 
-    Attributes
-    ----------
-    machine : IdealParameters
-        Of the single-vector controllers, SI.
-    method : int
-        Place in `SEQUENCE_METHODS`.
-    rule : int
-        Place in `DUTY_RULES`; MPTC1 and MPTC2.
-    """
-
-    machine: IdealParameters
-    method: int
-    rule: int
+    machine: IdealParameters  # Of the single-vector controllers, SI
+    method: int  # Place in `SEQUENCE_METHODS`
+    rule: int  # Place in `DUTY_RULES`; MPTC1 and MPTC2
 
 
 class Outlook(NamedTuple):
-    """What a period is decided on.
+    """What a period is decided on."""
 
-    Attributes
-    ----------
-    current_0 : complex
-        i_s0 of eq. 14, A.
-    base : complex
-        psi_s(k+2) without voltage, Wb.
-    torque_1 : float
-        Torque at k+1, N*m.
-    reference : complex
-        psi_s,ref at k+2, Wb; flux methods.
-    clamped : bool
-        Whether the arcsine's argument was outside -1..1; flux methods.
-    """
-
-    current_0: complex
-    base: complex
-    torque_1: float
-    reference: complex
-    clamped: bool
+    current_0: complex  # i_s0 of eq. 14, A
+    base: complex  # psi_s(k+2) without voltage, Wb
+    torque_1: float  # Torque at k+1, N*m
+    reference: complex  # psi_s,ref at k+2, Wb; flux methods
+    clamped: bool  # Whether the arcsine's argument was outside -1..1; flux methods
 
 
 def sequence_parameters(drive: MptcDrive) -> SequenceParameters:
-    """Collect the parameters of the ideal controller from a drive.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Validated drive with a method of two or three vectors.
-
-    Returns
-    -------
-    SequenceParameters
-        SI.
-
-    Raises
-    ------
-    ValueError
-        If the drive's method applies one vector a period.
-    """
+    """Parameters of the ideal controller, SI; ValueError for methods of one vector a period."""
     c = drive.control
     if c.method not in SEQUENCE_METHODS:
         raise ValueError(f"control.method: {c.method} applies one vector a period")
@@ -123,23 +83,7 @@ TOO_LARGE = (
 def outlook(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
     """Take the state to k+1 and, without voltage, to k+2 (Paper B, eqs. 5, 13, 14, 18 to 21).
 
-    Parameters
-    ----------
-    p : SequenceParameters
-        From `sequence_parameters`.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k.
-    omega_r : float
-        Electrical speed, rad/s.
-    applied : VectorSequence
-        What is being applied.
-    vdc, torque_ref, psi_ref : float
-        V, N*m, Wb.
-
-    Returns
-    -------
-    Outlook
-        SI.
+    SI at k.
     """
     m = p.machine
     i1, psi1 = ideal.heun(m, i, psi, omega_r, mean_voltage(applied, m.unit) * vdc)
@@ -183,25 +127,9 @@ def _dot(a, b):
 
 @njit
 def pair_cost(p, o, vdc, torque_ref, psi_ref, a, b, d):
-    """Cost of a pair of vectors at the end of the period (Paper B, eqs. 11, 13 and 15).
+    """Cost of a pair at the end of the period, N*m (Paper B, eqs. 11, 13 and 15).
 
-    Parameters
-    ----------
-    p : SequenceParameters
-        From `sequence_parameters`.
-    o : Outlook
-        Of this period.
-    vdc, torque_ref, psi_ref : float
-        V, N*m, Wb.
-    a, b : int
-        Vectors, 0 to 7.
-    d : float
-        Fraction of the period of the first.
-
-    Returns
-    -------
-    float
-        N*m.
+    `d`: fraction of the period of the first.
     """
     m = p.machine
     psi = o.base + m.ts * vdc * (d * m.unit[a] + (1.0 - d) * m.unit[b])
@@ -210,26 +138,7 @@ def pair_cost(p, o, vdc, torque_ref, psi_ref, a, b, d):
 
 @njit
 def duty(p, o, vdc, torque_ref, psi_ref, a, b, rule):
-    """Fraction of the period of a pair's first vector (docs/specification.md, section 3.6).
-
-    Parameters
-    ----------
-    p : SequenceParameters
-        From `sequence_parameters`.
-    o : Outlook
-        Of this period.
-    vdc, torque_ref, psi_ref : float
-        V, N*m, Wb.
-    a, b : int
-        Vectors, 0 to 7.
-    rule : int
-        Place in `DUTY_RULES`.
-
-    Returns
-    -------
-    float
-        0 to 1.
-    """
+    """Fraction 0 to 1 of a pair's first vector by a rule (docs/specification.md, section 3.6)."""
     m = p.machine
     first, second = o.base + m.ts * vdc * m.unit[a], o.base + m.ts * vdc * m.unit[b]
     by_first, by_second = torque(m, o.current_0, first), torque(m, o.current_0, second)
@@ -374,20 +283,10 @@ def _mpc2(p, e, applied):
 
 @njit
 def svm(p, e):
-    """Times of the two vectors beside a voltage (Paper B, section 6.2).
+    """Times of the two vectors beside a voltage (Paper B, section 6.2), then zero voltage.
 
-    Parameters
-    ----------
-    p : SequenceParameters or FocParameters
-        Of `machine` the vectors count.
-    e : complex
-        Voltage, or its way in a period, in units of an active vector's.
-
-    Returns
-    -------
-    VectorSequence
-        The vectors in turning order, then zero voltage. A voltage beyond the hexagon keeps its
-        angle and is shortened.
+    `e` is in units of an active vector's voltage, or way in a period. Beyond the hexagon it keeps
+    its angle and is shortened.
     """
     angle = math.atan2(e.imag, e.real)
     sector = int(angle // (math.pi / 3.0)) % 6 + 1
@@ -402,29 +301,9 @@ def svm(p, e):
 
 @njit
 def decide(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref):
-    """One decision (docs/specification.md, section 3.6; Paper B, eqs. 5, 11, 13 to 15, 17 to 22).
+    """One decision, SI (docs/specification.md, 3.6; Paper B, eqs. 5, 11, 13 to 15, 17 to 22).
 
-    Parameters
-    ----------
-    p : SequenceParameters
-        From `sequence_parameters`.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k.
-    omega_r : float
-        Electrical speed, rad/s.
-    applied : VectorSequence
-        What is being applied.
-    vdc, torque_ref, psi_ref : float
-        V, N*m, Wb.
-
-    Returns
-    -------
-    sequence : VectorSequence
-        What to apply from k+1 on.
-    saturated : int
-        Always 0: the ideal controller has no number formats.
-    clamped : int
-        1 where the arcsine's argument was clamped; flux methods.
+    Gives the sequence from k+1 on, saturated (always 0) and clamped (the arcsine of flux methods).
     """
     o = outlook(p, i, psi, omega_r, applied, vdc, torque_ref, psi_ref)
     if p.method == MPTC1:
@@ -458,27 +337,10 @@ def _run(p, vdc, i, psi, omega_r, torque_ref, psi_ref, vectors, times, out_vecto
 
 
 def run(drive: MptcDrive, trace: MptcTrace) -> MptcDecisions:
-    """Decisions for every row of a trace.
+    """Decisions for n independent rows of a trace; `cycles` is None, `saturated` zero.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine, dc-link voltage, method and duty rule.
-    trace : MptcTrace
-        n independent rows.
-
-    Returns
-    -------
-    MptcDecisions
-        With vectors and times; `cycles` is None, `saturated` zero.
-
-    Raises
-    ------
-    ValueError
-        If the drive's method applies one vector a period.
-    RowError
-        If a value is so large that its square leaves the range of float64: the times of the vectors
-        would be no numbers.
+    ValueError for methods of one vector a period; RowError where a value's square leaves the range
+    of float64.
     """
     n = len(trace)
     applied = trace.sequences()

@@ -18,41 +18,13 @@ from directmpc.compiled import njit
 
 @njit
 def inverse_determinant(p):
-    """lambda = 1/(L_s*L_r - L_m^2) (Paper B, eq. 4).
-
-    Parameters
-    ----------
-    p : record
-        Machine with the fields ``lm``, ``ls``, ``lr`` in H.
-
-    Returns
-    -------
-    float
-        1/H^2.
-    """
+    """lambda = 1/(L_s*L_r - L_m^2), 1/H^2 (Paper B, eq. 4)."""
     return 1.0 / (p.ls * p.lr - p.lm * p.lm)
 
 
 @njit
 def current_row(p, omega_r):
-    """Factors of i, psi and u in di/dt (Paper B, eq. 4).
-
-    Parameters
-    ----------
-    p : record
-        Machine, see above.
-    omega_r : float
-        Electrical speed, rad/s.
-
-    Returns
-    -------
-    from_current : complex
-        1/s.
-    from_flux : complex
-        1/(H*s).
-    from_voltage : float
-        1/H.
-    """
+    """Factors of i (1/s), psi (1/(H*s)) and u (1/H) in di/dt (Paper B, eq. 4)."""
     lam = inverse_determinant(p)
     return (
         complex(-lam * (p.rs * p.lr + p.rr * p.ls), omega_r),
@@ -63,44 +35,12 @@ def current_row(p, omega_r):
 
 @njit
 def derivative(p, i, psi, omega_r, u):
-    """Derivatives of stator current and stator flux (Paper B, eq. 4).
-
-    Parameters
-    ----------
-    p : record
-        Machine, see above.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb).
-    omega_r : float
-        Electrical speed, rad/s.
-    u : complex
-        Stator voltage, V.
-
-    Returns
-    -------
-    di, dpsi : complex
-        A/s, V.
-    """
+    """Derivatives of stator current (A/s) and stator flux (V) (Paper B, eq. 4)."""
     from_current, from_flux, from_voltage = current_row(p, omega_r)
     return from_current * i + from_flux * psi + from_voltage * u, u - p.rs * i
 
 
 @njit
 def torque(p, i, psi):
-    """Electromagnetic torque 1.5 * N_p * psi_s x i_s (Paper B, eq. 2).
-
-    Parameters
-    ----------
-    p : record
-        Machine with the field ``pole_pairs``.
-    i : complex
-        Stator current, A.
-    psi : complex
-        Stator flux linkage, Wb.
-
-    Returns
-    -------
-    float
-        N*m; positive torque drives forwards.
-    """
+    """Electromagnetic torque 1.5 * N_p * psi_s x i_s, N*m (Paper B, eq. 2)."""
     return 1.5 * p.pole_pairs * (psi.real * i.imag - psi.imag * i.real)

@@ -85,26 +85,9 @@ _PORT_SHIFT = GUARD + f.MEASUREMENT_SHIFT
 def coefficients(
     drive: MptcDrive, gain: float = GAIN, values: Registers | None = None
 ) -> dict[str, int]:
-    """Coefficients of ``mptc_observer`` for a drive: name -> signed 18-bit word.
+    """Coefficients of ``mptc_observer``: name -> signed 18-bit word, in port order.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine the observer is set up for.
-    gain : float
-        b of eq. 9, negative, 1/s.
-    values : Registers, optional
-        The core's registers instead of the drive's own.
-
-    Returns
-    -------
-    dict of str to int
-        In port order.
-
-    Raises
-    ------
-    ValueError
-        Where a value cannot be represented.
+    `gain` is b of eq. 9, negative, 1/s. ValueError where a value cannot be represented.
     """
     m, c = drive.machine, drive.control
     chosen = values or registers(drive)
@@ -124,36 +107,15 @@ def coefficients(
 
 
 def array(words: dict[str, int]) -> IntArray:
-    """Coefficients in port order, for compiled code.
-
-    Parameters
-    ----------
-    words : dict of int
-        Of ``coefficients``.
-
-    Returns
-    -------
-    ndarray of int64, shape (11,)
-        Signed 18-bit words in the order of ``COEFFICIENTS``.
-    """
+    """Coefficients in port order (11,), for compiled code."""
     return np.array([words[name] for name in COEFFICIENTS], dtype=np.int64)
 
 
 @njit
 def to_state(total):
-    """Round a sum of products to a state and saturate; the state, and 1 where it saturated.
+    """Round a sum with 2*FRACTION fractional bits to a state; and 1 where it saturated.
 
-    Parameters
-    ----------
-    total : int
-        Sum with 2*FRACTION fractional bits.
-
-    Returns
-    -------
-    state : int
-        GUARD bits below a word's LSB, STATE_WIDTH bits.
-    saturated : int
-        1 where the sum did not fit, else 0.
+    A state has GUARD bits below a word's LSB, STATE_WIDTH bits.
     """
     return rounded(total, _STATE_SHIFT, STATE_WIDTH)
 
@@ -168,31 +130,11 @@ def _half(after, before, balanced):
 
 @njit
 def advance_words(c, state, q, e_a, e_b, step_a, step_b, balanced=False):
-    """States after a step (Paper B, eqs. 5, 8 and 9).
+    """Replace w and psi_s in `state`; psi_s(k+1), and saturated (Paper B, eqs. 5, 8 and 9).
 
-    Parameters
-    ----------
-    c : Words
-        Coefficients by name.
-    state : ndarray of int64, shape (4,) or longer
-        w alpha and beta, psi_s alpha and beta; replaced by the next.
-    q : int
-        Angle of the speed in a step, a word.
-    e_a, e_b : int
-        Innovation, words.
-    step_a, step_b : int
-        What the voltage adds to the flux, 2*FRACTION fractional bits.
-    balanced : bool
-        How halves of what the states have moved are cut to words. True: the difference of two
-        states that are cut, so that both errors cancel on average. False: the difference is cut,
-        which makes it half an LSB too small on average.
-
-    Returns
-    -------
-    psis_alpha, psis_beta : int
-        Stator flux at k+1 as the core's ports take it.
-    saturated : int
-        1 where a word did not hold its value.
+    `q`: angle of the speed in a step. Steps have 2*FRACTION fractional bits. `balanced` takes the
+    difference of two cut states, so that both errors cancel on average; otherwise the difference is
+    cut, half an LSB too small on average.
     """
     w_a, w_b = state[0] >> _GUARD, state[1] >> _GUARD
     p_a, p_b = state[2] >> _GUARD, state[3] >> _GUARD
@@ -221,25 +163,10 @@ def advance_words(c, state, q, e_a, e_b, step_a, step_b, balanced=False):
 
 @njit
 def step_words(coefficient, state, m, u):
-    """One step of ``mptc_observer`` (Paper B, eqs. 8 and 9).
+    """One step of ``mptc_observer``: psi_s(k+1) in words, and saturated (Paper B, eqs. 8 and 9).
 
-    Parameters
-    ----------
-    coefficient : ndarray of int64, shape (11,)
-        Of ``array``.
-    state : ndarray of int64, shape (4,)
-        w alpha and beta, psi_s alpha and beta; replaced by the next.
-    m : ndarray of int64, shape (4,)
-        is_alpha, is_beta, omega_r, v_dc as the core's ports take them.
-    u : int
-        Vector applied from k to k+1.
-
-    Returns
-    -------
-    psis_alpha, psis_beta : int
-        Stator flux at k+1 as the core's ports take it.
-    saturated : int
-        1 where a word did not hold its value.
+    `state` (4,) is replaced: w and psi_s. `m` (4,): is_alpha, is_beta, omega_r, v_dc in words. u is
+    applied from k to k+1.
     """
     c = _words(coefficient)
     q, s0 = to_word((m[2] << _SHIFT) * c.speed)
@@ -265,29 +192,9 @@ class IdealState(NamedTuple):
 
 @njit
 def step_ideal(p, b, current, flux, measured, omega_r, u, vdc):
-    """One step in float64 (Paper B, eqs. 8 and 9), by Heun's method (eq. 5).
+    """Estimates at k+1 in float64, A and Wb, by Heun's method (Paper B, eqs. 5, 8 and 9).
 
-    Parameters
-    ----------
-    p : ideal.IdealParameters
-        Machine the observer is set up for.
-    b : float
-        Gain of eq. 9, 1/s.
-    current, flux : complex
-        Estimates at k.
-    measured : complex
-        Stator current at k, A.
-    omega_r : float
-        Electrical speed, rad/s.
-    u : int
-        Vector applied from k to k+1.
-    vdc : float
-        V.
-
-    Returns
-    -------
-    current, flux : complex
-        Estimates at k+1.
+    b is the gain of eq. 9, 1/s; u is applied from k to k+1.
     """
     lam = inverse_determinant(p)
     error = measured - current

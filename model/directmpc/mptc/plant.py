@@ -46,23 +46,9 @@ def plant_parameters(
     rr: float = 1.0,
     friction: float = 0.0,
 ) -> PlantParameters:
-    """Plant of a drive.
+    """Plant of a drive, SI; with infinite inertia (kg*m^2) the speed is imposed.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine, dc-link voltage and control period.
-    inertia : float
-        Of the shaft, kg*m^2; infinite: the speed is imposed.
-    rs, rr : float
-        What the machine's stator and rotor resistance are multiplied with.
-    friction : float
-        N*m*s, on the mechanical speed.
-
-    Returns
-    -------
-    PlantParameters
-        SI.
+    `rs`, `rr` are factors; `friction` is in N*m*s, on the mechanical speed.
     """
     m = drive.machine
     return PlantParameters(
@@ -105,25 +91,9 @@ def _flow(a11, a12, a21, a22, h):
 
 @njit
 def advance(p, i, psi, omega_r, u, duration):
-    """Electrical state after a time under one vector at constant speed (Paper B, eq. 4), exactly.
+    """Current (A) and flux (Wb) after `duration` s under a vector, exactly (Paper B, eq. 4).
 
-    Parameters
-    ----------
-    p : PlantParameters
-        From `plant_parameters`.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) before.
-    omega_r : float
-        Electrical speed, rad/s.
-    u : int
-        Number of the voltage vector, 0 to 7.
-    duration : float
-        s.
-
-    Returns
-    -------
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) after.
+    The speed is constant.
     """
     from_current, from_flux, from_voltage = current_row(p, omega_r)
     e, g = _flow(from_current, from_flux, complex(-p.rs, 0.0), 0j, duration)
@@ -139,25 +109,7 @@ def advance(p, i, psi, omega_r, u, duration):
 def step(p, i, psi, omega_r, u, load):
     """One control period (Paper B, eqs. 2 and 4; the shaft by the trapezoidal torque).
 
-    Parameters
-    ----------
-    p : PlantParameters
-        From `plant_parameters`.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k.
-    omega_r : float
-        Electrical speed at k, rad/s.
-    u : int
-        Number of the voltage vector, 0 to 7.
-    load : float
-        Load torque, N*m.
-
-    Returns
-    -------
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k+1.
-    omega_r : float
-        Electrical speed at k+1, rad/s.
+    SI; `load` in N*m.
     """
     i1, psi1 = advance(p, i, psi, omega_r, u, p.ts)
     mean = 0.5 * (torque(p, i, psi) + torque(p, i1, psi1))
@@ -168,33 +120,10 @@ def step(p, i, psi, omega_r, u, load):
 
 @njit
 def step_sequence(p, i, psi, omega_r, vectors, lengths, load, current, made):
-    """One control period of several vectors (Paper B, eqs. 2 and 4), with samples inside it.
+    """One period of m vectors, SI (Paper B, eqs. 2 and 4), with s samples inside it.
 
-    Parameters
-    ----------
-    p : PlantParameters
-        From `plant_parameters`.
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k.
-    omega_r : float
-        Electrical speed at k, rad/s.
-    vectors : ndarray of int64, shape (m,)
-        Numbers of the voltage vectors in the order applied.
-    lengths : ndarray of float64, shape (m,)
-        Their fractions of the period; what is left of it belongs to the last.
-    load : float
-        Load torque, N*m.
-    current : ndarray of complex128, shape (s,)
-        Filled with the current at s equal distances, from k on, A.
-    made : ndarray of float64, shape (s,)
-        Filled with the electromagnetic torque there, N*m.
-
-    Returns
-    -------
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb) at k+1.
-    omega_r : float
-        Electrical speed at k+1, rad/s.
+    `lengths` are fractions of the period; what is left of it belongs to the last. `current` (A) and
+    `made` (N*m) are filled with the samples at equal distances, from k on.
     """
     samples, last = len(current), len(vectors) - 1
     distance = p.ts / samples
@@ -230,28 +159,9 @@ def step_sequence(p, i, psi, omega_r, vectors, lengths, load, current, made):
 def steady_state(
     drive: MptcDrive, omega_r: float, load: float, psi_ref: float
 ) -> tuple[complex, complex]:
-    """Stator current and flux of the fundamental at a speed, torque and stator flux magnitude.
+    """Stator current (A) and flux (Wb, real) of the fundamental at a speed, torque and flux.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Its machine counts.
-    omega_r : float
-        Electrical speed, rad/s; it does not matter for the state itself, only the slip does.
-    load : float
-        Torque, N*m.
-    psi_ref : float
-        Stator flux magnitude, Wb.
-
-    Returns
-    -------
-    i, psi : complex
-        Stator current (A) and stator flux linkage (Wb), the flux real.
-
-    Raises
-    ------
-    ValueError
-        If the torque is beyond breakdown at this flux.
+    ValueError beyond the breakdown torque at this flux.
     """
     m = drive.machine
     sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)
@@ -264,46 +174,16 @@ def steady_state(
 
 
 def breakdown_torque(drive: MptcDrive, psi: float) -> float:
-    """Largest torque at a stator flux.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Its machine counts.
-    psi : float
-        Stator flux magnitude, Wb.
-
-    Returns
-    -------
-    float
-        N*m.
-    """
+    """Largest torque (N*m) at a stator flux (Wb)."""
     m = drive.machine
     sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)
     return 0.75 * m.pole_pairs * (m.lm / m.ls) ** 2 * psi**2 / (sigma * m.lr)
 
 
 def slip(drive: MptcDrive, load: float, psi_ref: float) -> float:
-    """Slip frequency that makes a torque at a stator flux (Paper B, eqs. 2 and 4, in steady state).
+    """Slip frequency, rad/s (electrical), of a torque at a stator flux (Paper B, eqs. 2 and 4).
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Its machine counts.
-    load : float
-        Torque, N*m.
-    psi_ref : float
-        Stator flux magnitude, Wb.
-
-    Returns
-    -------
-    float
-        rad/s, electrical; of the sign of `load`.
-
-    Raises
-    ------
-    ValueError
-        If the torque is beyond breakdown at this flux.
+    It has the sign of `load`. ValueError beyond the breakdown torque at this flux.
     """
     m = drive.machine
     sigma = 1.0 - m.lm * m.lm / (m.ls * m.lr)

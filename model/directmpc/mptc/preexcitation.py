@@ -11,26 +11,9 @@ _HIGH = 2 ** (f.MEASUREMENT_WIDTH - 1) - 1
 
 
 def levels(drive: MptcDrive, limit: float, flux: float) -> tuple[int, int]:
-    """Ports `limit` and `level` of the pre-excitation (Paper B, section 6.1).
+    """Ports `limit` and `level` of a current (A) and a flux (Wb) (Paper B, section 6.1).
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Full scales.
-    limit : float
-        Current limit, A.
-    flux : float
-        Stator flux that ends it, Wb.
-
-    Returns
-    -------
-    limit, level : int
-        LSB of the current's and the flux's measurement ports.
-
-    Raises
-    ------
-    ValueError
-        If one lies outside its full scale.
+    ValueError if one lies outside its full scale.
     """
     c = drive.control
     found = []
@@ -43,23 +26,10 @@ def levels(drive: MptcDrive, limit: float, flux: float) -> tuple[int, int]:
 
 @njit
 def decide_words(m, limit, level, done):
-    """One decision of ``mptc_preexcitation`` (Paper B, section 6.1).
+    """One decision of ``mptc_preexcitation``: u, limited, finished (Paper B, section 6.1).
 
-    Parameters
-    ----------
-    m : ndarray of int64, shape (4,)
-        is_alpha, is_beta, psis_alpha, psis_beta as the ports take them.
-    limit, level : int
-        Of ``levels``.
-    done : int
-        Whether the flux had been reached before.
-
-    Returns
-    -------
-    u : int
-        `VECTOR`, or 0 above the current limit.
-    limited, finished : int
-        1 above the current limit; 1 once the flux has been reached.
+    `m` (4,): is_alpha, is_beta, psis_alpha, psis_beta in words. u is `VECTOR`, or 0 above the
+    current limit.
     """
     limited = int(m[0] * m[0] + m[1] * m[1] > limit * limit)
     reached = int(m[2] * m[2] + m[3] * m[3] >= level * level)

@@ -112,29 +112,17 @@ SEEDS: tuple[str, ...] = (
 
 @dataclass(frozen=True)
 class Step:
-    """One product.
+    """One product."""
 
-    Attributes
-    ----------
-    clock, block : int
-        When and where it is issued.
-    a, b : str
-        Operands.
-    seed : str
-        One of SEEDS; empty: add to the sum so far.
-    result : str
-        One of RESULTS or TERMS where the sum is complete with this product.
-    taken : bool
-        Whether another unit takes the sum when it is complete with this product.
-    """
-
+    # clock, block: When and where it is issued.
     clock: int
     block: int
+    # a, b: Operands.
     a: str
     b: str
-    seed: str = ""
-    result: str = ""
-    taken: bool = False
+    seed: str = ""  # One of SEEDS; empty: add to the sum so far
+    result: str = ""  # One of RESULTS or TERMS where the sum is complete with this product
+    taken: bool = False  # Whether another unit takes the sum when it is complete with this product
 
 
 def _pass_flux(clock: int, seeds: str, lead: str = "", half: str = "") -> list[Step]:
@@ -248,18 +236,7 @@ MPFC: tuple[Step, ...] = (
 
 
 def last_clock(first_term: int) -> int:
-    """Clock in which ``valid`` is high: term, cost and comparison of the seventh vector.
-
-    Parameters
-    ----------
-    first_term : int
-        Clock in which the first torque term is formed.
-
-    Returns
-    -------
-    int
-        Clock.
-    """
+    """Clock in which ``valid`` is high: term, cost and comparison of the seventh vector."""
     return first_term + 1 + (VECTORS - 1) + SUM_LATENCY + 1
 
 
@@ -305,18 +282,7 @@ PAIR_REGISTERS = 3 + SUM_LATENCY
 
 
 def pair_clock(slot: int) -> int:
-    """Clock in which the flux of a pair enters the magnitude.
-
-    Parameters
-    ----------
-    slot : int
-        Place of the pair in `PAIR_SLOTS`.
-
-    Returns
-    -------
-    int
-        Clock.
-    """
+    """Clock in which the flux of a pair enters the magnitude."""
     return FIRST_PAIR + PAIR_AHEAD + PAIR_SPACING * slot + DUTY_CLOCKS + PAIR_REGISTERS
 
 
@@ -384,18 +350,7 @@ RESIDUE = 2
 
 
 def choice_clock(n: int) -> int:
-    """Clock in which a choice of a second vector begins.
-
-    Parameters
-    ----------
-    n : int
-        Number of the choice, from 0.
-
-    Returns
-    -------
-    int
-        Clock.
-    """
+    """Clock in which a choice of a second vector begins."""
     return FIRST_CHOICE + CHOICE_CLOCKS * n
 
 
@@ -428,53 +383,19 @@ BEFORE_HEXAGON: tuple[Step, ...] = tuple(s for s in MPFC if s.clock < HEXAGON_FO
 
 
 def base(name: str) -> str:
-    """Operand without ``half_`` or ``lead_``.
-
-    Parameters
-    ----------
-    name : str
-        Operand as a step names it.
-
-    Returns
-    -------
-    str
-        One of OPERANDS, or unknown.
-    """
+    """Operand without ``half_`` or ``lead_``. One of OPERANDS, or unknown."""
     return name.removeprefix("half_").removeprefix("lead_")
 
 
 def address(clock: int, flux_control: bool) -> int:
-    """Program address of a clock.
-
-    Parameters
-    ----------
-    clock : int
-        Clock after the one that accepts ``start``.
-    flux_control : bool
-        MPFC rather than MPTC.
-
-    Returns
-    -------
-    int
-        0 to 127.
-    """
+    """Program address of a clock, 0 to 127, counted from the one that accepts ``start``."""
     return clock + FORK_OFFSET if flux_control and clock >= FORK else clock
 
 
 def pair_address(clock: int, lead: int = 0) -> int:
     """Program address of a clock of MPTC1, MPTC2 and GTV.
 
-    Parameters
-    ----------
-    clock : int
-        Clock after the one that accepts ``start``.
-    lead : int
-        MPTC1_LEAD for MPTC1.
-
-    Returns
-    -------
-    int
-        As MPTC's up to its last, then behind MPFC's.
+    As MPTC's up to its last, then behind MPFC's. `lead` is MPTC1_LEAD for MPTC1.
     """
     return clock + PAIR_OFFSET + lead if clock > MPTC_LAST else clock
 
@@ -482,29 +403,16 @@ def pair_address(clock: int, lead: int = 0) -> int:
 def hexagon_address(clock: int) -> int:
     """Program address of a clock of MPFC2, MPFC3, MPC2 and SVM.
 
-    Parameters
-    ----------
-    clock : int
-        Clock after the one that accepts ``start``.
-
-    Returns
-    -------
-    int
-        As MPFC's before HEXAGON_FORK, then behind the pairs'.
+    As MPFC's before HEXAGON_FORK, then behind the pairs'.
     """
     return clock + HEXAGON_OFFSET if clock >= HEXAGON_FORK else address(clock, True)
 
 
 def check_lengths() -> None:
-    """Check that the searches by lengths meet no other one, and no other pair.
+    """ValueError where the searches by lengths meet another one, or another pair.
 
     Of two opposite vectors the second may begin the search by the torque anew. A pair whose duty
     the length tells has 1 as its second vector.
-
-    Raises
-    ------
-    ValueError
-        Naming the place.
     """
     if any(second == 1 for _, second in PAIR_SLOTS):
         raise ValueError("a pair with u_1 as its second vector stands for a duty by the length")
@@ -524,20 +432,10 @@ def check_lengths() -> None:
 
 
 def check(steps: tuple[Step, ...]) -> None:
-    """Check that a method's program does not contradict itself.
+    """ValueError where a method's program contradicts itself.
 
     Every operand must have been written in time and not be overwritten before, a block does one
     thing at a time, and a sum is not interrupted.
-
-    Parameters
-    ----------
-    steps : tuple of Step
-        Those of both methods and of one of them.
-
-    Raises
-    ------
-    ValueError
-        Naming the operand or the block, and the clock.
     """
     written: dict[str, list[int]] = {}
     occupied: set[tuple[int, int]] = set()

@@ -34,26 +34,11 @@ the current is passed on most. The low-pass lies well below it, and well above t
 
 @dataclass(frozen=True)
 class CurrentErrors:
-    """What the current measurement adds.
+    """What the current measurement adds; ValueError if a number makes no sense."""
 
-    Attributes
-    ----------
-    noise : float
-        Standard deviation of each component, A.
-    bits : int
-        Word length of the converter, full scale `current_max`; 0: not quantised.
-    seed : int
-        Of the noise.
-
-    Raises
-    ------
-    ValueError
-        If a number makes no sense.
-    """
-
-    noise: float = 0.0
-    bits: int = 0
-    seed: int = 1
+    noise: float = 0.0  # Standard deviation of each component, A
+    bits: int = 0  # Word length of the converter, full scale `current_max`; 0: not quantised
+    seed: int = 1  # Of the noise
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.noise) and self.noise >= 0.0):
@@ -62,20 +47,7 @@ class CurrentErrors:
             raise ValueError(f"bits: got {self.bits!r:.40}; 0, or from 2 to 32, is needed")
 
     def compiled(self, drive: MptcDrive, n: int) -> CompiledErrors:
-        """The errors of a run for compiled code.
-
-        Parameters
-        ----------
-        drive : MptcDrive
-            Its full scale of the current counts.
-        n : int
-            Length of the run, control periods.
-
-        Returns
-        -------
-        CompiledErrors
-            Without errors of the switches.
-        """
+        """The errors of a run for compiled code."""
         rng = np.random.default_rng(self.seed)
         noise = self.noise * (rng.standard_normal(n) + 1j * rng.standard_normal(n))
         lsb = drive.control.current_max / 2 ** (self.bits - 1) if self.bits else 0.0
@@ -213,35 +185,11 @@ def simulate(
     errors: CurrentErrors | MptcErrors | None = None,
     filter_time: float = FILTER_TIME,
 ) -> Run:
-    """Run a closed loop on estimates.
+    """Run a closed loop on estimates, in float64 ("ideal") or bit-true ("model").
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        What controller and observer know.
-    scenario : Scenario
-        References, load and first state; the observer begins with this state.
-    engine : str
-        "ideal": controller and observer in float64; "model": both bit-true.
-    gains : SpeedGains, optional
-        Of the observer.
-    plant : PlantParameters, optional
-        The drive's own with imposed speed if not given.
-    errors : CurrentErrors or MptcErrors, optional
-        Of the current measurement, or of sensors and switches; none if not given.
-    filter_time : float
-        Time constant of the low-pass between the estimate and the speed PI, s; a control period
-        or less: no low-pass. The controller always has the estimate itself.
-
-    Returns
-    -------
-    Run
-        One row per entry of the scenario; the ideal controller is not asked beside it.
-
-    Raises
-    ------
-    ValueError
-        If a gain or the time constant has the wrong sign, or the model cannot represent a value.
+    The observer begins with the scenario's state. `filter_time` (s) is that of the low-pass to the
+    speed PI, none for a control period or less; the controller always has the estimate itself.
+    ValueError for a wrong sign, or a value that the model cannot represent.
     """
     if not (np.isfinite(filter_time) and filter_time >= 0.0):
         raise ValueError(f"filter_time: got {filter_time!r:.40}; 0 or more s is needed")

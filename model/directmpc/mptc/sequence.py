@@ -43,37 +43,13 @@ _SEGMENTS = 7
 
 @njit
 def whole(u):
-    """One vector for all of the period.
-
-    Parameters
-    ----------
-    u : int
-        Number of the vector, 0 to 7.
-
-    Returns
-    -------
-    VectorSequence
-        With this vector alone.
-    """
+    """One vector for all of the period."""
     return VectorSequence(u, u, u, 1.0, 0.0)
 
 
 @njit
 def mean_voltage(sequence, unit):
-    """Mean of the vectors over the period.
-
-    Parameters
-    ----------
-    sequence : VectorSequence
-        Vectors and times.
-    unit : ndarray of complex128, shape (8,)
-        Vectors, in the unit that the mean has.
-
-    Returns
-    -------
-    complex
-        Sum of the vectors times their fractions.
-    """
+    """Mean of the vectors over the period. The unit is that of the vectors."""
     third = 1.0 - sequence.t1 - sequence.t2
     if third < 0.0:
         third = 0.0
@@ -87,18 +63,7 @@ def mean_voltage(sequence, unit):
 
 @njit
 def last_of(sequence):
-    """Vector that is applied last: the last with time.
-
-    Parameters
-    ----------
-    sequence : VectorSequence
-        Vectors and times.
-
-    Returns
-    -------
-    int
-        Number, 0 to 7.
-    """
+    """Vector that is applied last: the last with time."""
     if sequence.t1 + sequence.t2 < 1.0:
         return sequence.u3
     if sequence.t2 > 0.0:
@@ -108,18 +73,7 @@ def last_of(sequence):
 
 @njit
 def is_active(u):
-    """Whether a vector makes a voltage.
-
-    Parameters
-    ----------
-    u : int
-        Number of the vector, 0 to 7.
-
-    Returns
-    -------
-    bool
-        False for u_0 and u_7.
-    """
+    """Whether a vector makes a voltage."""
     return 1 <= u <= 6
 
 
@@ -127,16 +81,7 @@ def is_active(u):
 def last_active_of(sequence):
     """Active vector that is applied last.
 
-    Parameters
-    ----------
-    sequence : VectorSequence
-        Vectors and times.
-
-    Returns
-    -------
-    int
-        The last active vector with time; without one the first active one of the three; without
-        any u_1.
+    Without time the first active one of the three; without any u_1.
     """
     if sequence.t1 + sequence.t2 < 1.0 and is_active(sequence.u3):
         return sequence.u3
@@ -152,18 +97,7 @@ def last_active_of(sequence):
 
 @njit
 def zero_between(first, second):
-    """Zero vector between two others: fewest commutations in sum, u_0 on a tie.
-
-    Parameters
-    ----------
-    first, second : int
-        Vectors before and behind, 0 to 7.
-
-    Returns
-    -------
-    int
-        0 or 7.
-    """
+    """Zero vector between two others: fewest commutations in sum, u_0 on a tie."""
     by_seven = COMMUTATIONS[first, 7] + COMMUTATIONS[7, second]
     return 7 if by_seven < COMMUTATIONS[first, 0] + COMMUTATIONS[0, second] else 0
 
@@ -172,22 +106,9 @@ def zero_between(first, second):
 def segments(sequence, centred, vectors, lengths):
     """What the inverter applies one after the other in a period, as `vector_sequencer` plays it.
 
-    Parameters
-    ----------
-    sequence : VectorSequence
-        Vectors and times.
-    centred : bool
-        Space-vector modulation: seven segments, the third time (zero voltage) split into quarters,
-        the vector with an odd number first.
-    vectors : ndarray of int64, shape (7,)
-        Filled with the vectors.
-    lengths : ndarray of float64, shape (7,)
-        Filled with their fractions of the period; 0 where there is none.
-
-    Returns
-    -------
-    int
-        Segments that are filled, 3 or 7.
+    `centred` is space-vector modulation: seven segments, zero voltage split into quarters, the
+    vector with an odd number first. Fills `vectors` and `lengths` (fractions of the period) (7,);
+    gives their number, 3 or 7.
     """
     third = max(0.0, 1.0 - sequence.t1 - sequence.t2)
     if not centred:

@@ -63,24 +63,13 @@ class SpeedGains(NamedTuple):
 
 
 class SpeedObserver(NamedTuple):
-    """All that the observer needs to know, and what it remembers.
+    """All that the observer needs to know, and what it remembers."""
 
-    Attributes
-    ----------
-    machine : IdealParameters
-        SI.
-    gains : SpeedGains
-        SI.
-    speed_max : float
-        Largest estimate, rad/s (electrical); the integral stays inside as well.
-    state : ndarray of complex128, shape (3,)
-        Estimated stator current (A), stator flux (Wb) and the integral of the speed (rad/s), at k.
-        `advance` changes them.
-    """
-
-    machine: IdealParameters
-    gains: SpeedGains
-    speed_max: float
+    machine: IdealParameters  # SI
+    gains: SpeedGains  # SI
+    speed_max: float  # Largest estimate, rad/s (electrical); the integral stays inside as well
+    # (3,): Estimated stator current (A), stator flux (Wb) and the integral of the speed (rad/s), at
+    # k. `advance` changes them.
     state: np.ndarray
 
 
@@ -91,28 +80,9 @@ def speed_observer(
     flux: complex = 0j,
     omega_r: float = 0.0,
 ) -> SpeedObserver:
-    """Observer of a drive.
+    """Observer of a drive, with first estimates in A, Wb and rad/s (electrical).
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine, control period and full scale of the speed.
-    gains : SpeedGains, optional
-        Those of this module if not given.
-    current, flux : complex
-        First estimates, A and Wb.
-    omega_r : float
-        First estimate, rad/s (electrical).
-
-    Returns
-    -------
-    SpeedObserver
-        With a state of its own.
-
-    Raises
-    ------
-    ValueError
-        If a gain is not finite or has the wrong sign.
+    ValueError if a gain is not finite or has the wrong sign.
     """
     chosen = gains or SpeedGains()
     for name, value in chosen._asdict().items():
@@ -139,39 +109,14 @@ def _speed_error(p, measured):
 
 @njit
 def speed(p, measured):
-    """Speed at k (Paper B, eq. 23).
-
-    Parameters
-    ----------
-    p : SpeedObserver
-        From `speed_observer`.
-    measured : complex
-        Stator current at k, A.
-
-    Returns
-    -------
-    float
-        Electrical, rad/s; within plus and minus `speed_max`.
-    """
+    """Electrical speed at k, rad/s, within plus and minus `speed_max` (Paper B, eq. 23)."""
     found = p.gains.kp * _speed_error(p, measured) + p.state[_SPEED].real
     return min(max(found, -p.speed_max), p.speed_max)
 
 
 @njit
 def advance(p, measured, omega_r, voltage):
-    """Take the estimates to k+1 (Paper B, eqs. 5, 8 and 9).
-
-    Parameters
-    ----------
-    p : SpeedObserver
-        From `speed_observer`; its state is moved on.
-    measured : complex
-        Stator current at k, A.
-    omega_r : float
-        `speed` at k, rad/s.
-    voltage : complex
-        Mean stator voltage from k to k+1, V.
-    """
+    """Take the estimates to k+1 with a mean voltage in V (Paper B, eqs. 5, 8 and 9), in place."""
     m, b = p.machine, p.gains.b
     integral = p.state[_SPEED].real + p.gains.ki * m.ts * _speed_error(p, measured)
     current, flux = p.state[_CURRENT], p.state[_FLUX]
@@ -226,26 +171,9 @@ def _words(c):
 def coefficients(
     drive: MptcDrive, gains: SpeedGains | None = None, values: Registers | None = None
 ) -> dict[str, int]:
-    """Coefficients of the bit-true observer for a drive: name -> signed 18-bit word.
+    """Coefficients of the bit-true observer: name -> signed 18-bit word, in their order.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine the observer is set up for.
-    gains : SpeedGains, optional
-        Those of this module if not given.
-    values : Registers, optional
-        The core's registers instead of the drive's own.
-
-    Returns
-    -------
-    dict of str to int
-        In the order of ``COEFFICIENTS``.
-
-    Raises
-    ------
-    ValueError
-        Where a value cannot be represented.
+    ValueError where a value cannot be represented.
     """
     m, c, chosen = drive.machine, drive.control, gains or SpeedGains()
     known = values or registers(drive)
@@ -268,18 +196,7 @@ def coefficients(
 
 
 def array(words: dict[str, int]) -> IntArray:
-    """Coefficients in their order, for compiled code.
-
-    Parameters
-    ----------
-    words : dict of int
-        Of ``coefficients``.
-
-    Returns
-    -------
-    ndarray of int64, shape (13,)
-        Signed 18-bit words in the order of ``COEFFICIENTS``.
-    """
+    """Coefficients in their order (13,), for compiled code."""
     return np.array([words[name] for name in COEFFICIENTS], dtype=np.int64)
 
 
@@ -294,47 +211,22 @@ _PORT_WIDTH = f.MEASUREMENT_WIDTH
 
 
 class SpeedWords(NamedTuple):
-    """What a step knows of the speed at k.
+    """What a step knows of the speed at k."""
 
-    Attributes
-    ----------
-    omega : int
-        Electrical speed, 18 bits, a fraction of its base.
-    port : int
-        The same as the core's port takes it, 16 bits.
-    integral : int
-        The state's next value.
-    error_alpha, error_beta : int
-        Innovation, words.
-    saturated : int
-        1 where a word did not hold its value.
-    """
-
-    omega: int
-    port: int
-    integral: int
+    omega: int  # Electrical speed, 18 bits, a fraction of its base
+    port: int  # The same as the core's port takes it, 16 bits
+    integral: int  # The state's next value
+    # error_alpha, error_beta: Innovation, words.
     error_alpha: int
     error_beta: int
-    saturated: int
+    saturated: int  # 1 where a word did not hold its value
 
 
 @njit
 def speed_words(coefficient, state, i_alpha, i_beta):
     """Speed at k (Paper B, eq. 23).
 
-    Parameters
-    ----------
-    coefficient : ndarray of int64, shape (13,)
-        Of ``array``.
-    state : ndarray of int64, shape (5,)
-        w alpha and beta, psi_s alpha and beta, integral of the speed; not changed.
-    i_alpha, i_beta : int
-        Stator current at k as the core's ports take it.
-
-    Returns
-    -------
-    SpeedWords
-        Of this step.
+    `state` (5,): w, psi_s, and the integral of the speed; not changed. Currents in words.
     """
     c = _words(coefficient)
     w_a, w_b = state[0] >> _GUARD, state[1] >> _GUARD
@@ -352,25 +244,8 @@ def speed_words(coefficient, state, i_alpha, i_beta):
 def step_shares(coefficient, state, m, share_a, share_b):
     """One step with the mean share of what is applied (Paper B, eqs. 5, 8, 9 and 23).
 
-    Parameters
-    ----------
-    coefficient : ndarray of int64, shape (13,)
-        Of ``array``.
-    state : ndarray of int64, shape (5,)
-        As in ``speed_words``; replaced by the next.
-    m : ndarray of int64, shape (3,)
-        is_alpha, is_beta, v_dc as the core's ports take them.
-    share_a, share_b : int
-        Of the voltage's step from k to k+1, as ``bit_true_sequences.shares`` has it.
-
-    Returns
-    -------
-    omega : int
-        Electrical speed at k as the core's port takes it.
-    psis_alpha, psis_beta : int
-        Stator flux at k+1 as the core's ports take it.
-    saturated : int
-        1 where a word did not hold its value.
+    `state` (5,) as in ``speed_words`` is replaced; `m` (3,): is_alpha, is_beta, v_dc in words.
+    Gives the electrical speed at k, psi_s(k+1) and saturated, in words.
     """
     c = _words(coefficient)
     now = speed_words(coefficient, state, m[0], m[1])
@@ -388,21 +263,7 @@ def step_shares(coefficient, state, m, share_a, share_b):
 def step_words(coefficient, state, m, applied):
     """One step of ``mptc_speed_observer``: `step_shares` with the share of a sequence.
 
-    Parameters
-    ----------
-    coefficient : ndarray of int64, shape (13,)
-        Of ``array``.
-    state : ndarray of int64, shape (5,)
-        As in ``speed_words``; replaced by the next.
-    m : ndarray of int64, shape (3,)
-        is_alpha, is_beta, v_dc as the core's ports take them.
-    applied : ndarray of int64, shape (5,)
-        u1, u2, u3, t1, t2 from k to k+1, see ``bit_true_sequences.fitted``.
-
-    Returns
-    -------
-    omega, psis_alpha, psis_beta, saturated : int
-        As in `step_shares`; saturated also where times are above one period.
+    `applied` (5,): u1, u2, u3, t1, t2; saturated also where times are above one period.
     """
     used, too_long = fitted(applied)
     share_a, share_b = shares(used)

@@ -55,90 +55,39 @@ _SEQUENCE_DECISION_COLUMNS = (*_SEQUENCE_COLUMNS, CYCLES, Column("saturated", 0,
 
 
 class Sequences(NamedTuple):
-    """Vectors and times of n periods.
+    """Vectors and times of n periods."""
 
-    Attributes
-    ----------
-    vectors : (n, 3)
-        Numbers in the order applied.
-    times : (n, 2)
-        Fractions of the period of the first two; the third has the rest.
-    """
-
-    vectors: IntArray
-    times: FloatArray
+    vectors: IntArray  # (n, 3): Numbers in the order applied
+    times: FloatArray  # (n, 2): Fractions of the period of the first two; the third has the rest
 
 
 @dataclass(frozen=True)
 class MptcTrace:
-    """Inputs of an MPTC controller, one row per control step, SI.
+    """Inputs of an MPTC controller, one row per control step, SI."""
 
-    Attributes
-    ----------
-    i_s : (n, 2)
-        Stator current, alpha and beta, A.
-    psi_s : (n, 2)
-        Stator flux linkage, alpha and beta, Wb.
-    omega_r : (n,)
-        Electrical rotor speed, rad/s.
-    torque_ref, psi_ref : (n,)
-        References, N*m and Wb.
-    u : (n,)
-        Number of the voltage vector that is being applied, u(k); with `vectors` without meaning.
-    vectors : (n, 3) or None
-        Vectors that are being applied in this period, in order; None: `u` for all of it.
-    times : (n, 2) or None
-        Fractions of the period of the first two.
-    v_dc : (n,) or None
-        dc-link voltage, V; None: that of the drive.
-    """
-
-    i_s: FloatArray
-    psi_s: FloatArray
-    omega_r: FloatArray
+    i_s: FloatArray  # (n, 2): Stator current, alpha and beta, A
+    psi_s: FloatArray  # (n, 2): Stator flux linkage, alpha and beta, Wb
+    omega_r: FloatArray  # (n,): Electrical rotor speed, rad/s
+    # torque_ref, psi_ref: (n,): References, N*m and Wb.
     torque_ref: FloatArray
     psi_ref: FloatArray
+    # (n,): Number of the voltage vector that is being applied, u(k); with `vectors` without
+    # meaning.
     u: IntArray
+    # (n, 3): Vectors that are being applied in this period, in order; None: `u` for all of it.
     vectors: IntArray | None = None
-    times: FloatArray | None = None
-    v_dc: FloatArray | None = None
+    times: FloatArray | None = None  # (n, 2): Fractions of the period of the first two
+    v_dc: FloatArray | None = None  # (n,): dc-link voltage, V; None: that of the drive
 
     def __len__(self) -> int:
         return len(self.u)
 
     def link(self, nominal: float) -> FloatArray:
-        """The dc-link voltage of every row.
-
-        Parameters
-        ----------
-        nominal : float
-            That of the drive, V.
-
-        Returns
-        -------
-        ndarray of float64, shape (n,)
-            V.
-        """
+        """The dc-link voltage of every row, V; `nominal` where the trace has none."""
         return np.full(len(self), nominal) if self.v_dc is None else self.v_dc
 
     def rows(self, selection: slice | NDArray[np.bool_] | IntArray) -> MptcTrace:
-        """Pick rows as numpy indexing does.
-
-        Parameters
-        ----------
-        selection : slice or ndarray
-            What numpy takes as an index of n rows.
-
-        Returns
-        -------
-        MptcTrace
-            The rows picked, in the order of the selection.
-
-        Raises
-        ------
-        IndexError
-            If the selection names a row that there is not.
-        """
+        """Pick rows as numpy indexing does; IndexError for a row that there is not."""
         return MptcTrace(
             self.i_s[selection],
             self.psi_s[selection],
@@ -152,13 +101,7 @@ class MptcTrace:
         )
 
     def sequences(self) -> Sequences:
-        """What is being applied, as vectors and times.
-
-        Returns
-        -------
-        Sequences
-            Of every row; where the trace has none, `u` for all of the period.
-        """
+        """What is being applied, as vectors and times; without them `u` for all of the period."""
         if self.vectors is not None and self.times is not None:
             return Sequences(self.vectors, self.times)
         u = np.asarray(self.u, dtype=np.int64)
@@ -167,26 +110,15 @@ class MptcTrace:
 
 @dataclass(frozen=True)
 class MptcDecisions:
-    """Outputs of an MPTC controller, one row per control step.
+    """Outputs of an MPTC controller, one row per control step."""
 
-    Attributes
-    ----------
-    u : (n,)
-        Number of the voltage vector to apply next; with `vectors` the first of them.
-    cycles : (n,) or None
-        Clock cycles of the decision; None where no clock is modelled.
-    saturated : (n,)
-        Flag, 0 or 1.
-    vectors : (n, 3) or None
-        Methods of two and three vectors: numbers in the order in which they are applied.
-    times : (n, 2) or None
-        Fractions of the period of the first two; the third has the rest.
-    """
-
+    # (n,): Number of the voltage vector to apply next; with `vectors` the first of them.
     u: IntArray
-    cycles: IntArray | None
-    saturated: IntArray
+    cycles: IntArray | None  # (n,): Clock cycles of the decision; None where no clock is modelled
+    saturated: IntArray  # (n,): Flag, 0 or 1
+    # (n, 3): Methods of two and three vectors: numbers in the order in which they are applied.
     vectors: IntArray | None = None
+    # (n, 2): Fractions of the period of the first two; the third has the rest.
     times: FloatArray | None = None
 
     def __len__(self) -> int:
@@ -222,26 +154,10 @@ def _read_sequences(path: PathLike, table: dict[str, list[str]]) -> Sequences:
 
 
 def read_trace(path: PathLike, *, sequences: bool = False) -> MptcTrace:
-    """Read an MPTC trace; the columns of `docs/specification.md` in any order.
+    """Read an MPTC trace (SI); the columns of `docs/specification.md` in any order.
 
-    Parameters
-    ----------
-    path : str or path
-        CSV file.
-    sequences : bool
-        Whether the columns u1, u2, u3, t1, t2 are allowed: the drive's method applies two or three
-        vectors a period. Times are rounded to the nearest 1/4096. Beside them `u` may be any
-        integer.
-
-    Returns
-    -------
-    MptcTrace
-        Every row of the file, in order, SI.
-
-    Raises
-    ------
-    TraceError
-        If anything is malformed: file, line (the header is line 1), column, what is allowed.
+    `sequences` allows u1, u2, u3, t1, t2: times are rounded to 1/4096, and `u` may be any integer.
+    TraceError names file, line (the header is line 1), column, and what is allowed.
     """
     columns = _TRACE_COLUMNS
     if sequences:
@@ -284,17 +200,7 @@ def _sequence_fields(vectors: IntArray, times: FloatArray) -> list[list[str]]:
 def write_trace(path: PathLike, trace: MptcTrace) -> None:
     """Write an MPTC trace so that reading gives the same numbers bit by bit.
 
-    Parameters
-    ----------
-    path : str or path
-        File to write or to replace.
-    trace : MptcTrace
-        n rows, SI. Times are written whole; reading rounds them to 1/4096.
-
-    Raises
-    ------
-    TraceError
-        If the file cannot be written; nothing is left behind then.
+    Times are written whole; reading rounds them to 1/4096. Nothing is left behind a TraceError.
     """
     real = np.column_stack(
         [trace.i_s, trace.psi_s, trace.omega_r, trace.torque_ref, trace.psi_ref]
@@ -316,25 +222,7 @@ def write_trace(path: PathLike, trace: MptcTrace) -> None:
 
 
 def read_decisions(path: PathLike, *, sequences: bool = False) -> MptcDecisions:
-    """Read the decisions of an MPTC controller.
-
-    Parameters
-    ----------
-    path : str or path
-        CSV file with the columns of `docs/specification.md` in any order.
-    sequences : bool
-        Whether the method that decided applies two or three vectors a period.
-
-    Returns
-    -------
-    MptcDecisions
-        Every row of the file, in order.
-
-    Raises
-    ------
-    TraceError
-        As `read_trace`; also if `cycles` is empty in some rows and not in others.
-    """
+    """Read decisions of an MPTC controller; TraceError if `cycles` is empty in some rows alone."""
     table = read_table(path, _SEQUENCE_DECISION_COLUMNS if sequences else _DECISION_COLUMNS)
     cycles, saturated = read_cycles(path, table), integers(table, "saturated")
     if not sequences:
@@ -346,17 +234,7 @@ def read_decisions(path: PathLike, *, sequences: bool = False) -> MptcDecisions:
 def write_decisions(path: PathLike, decisions: MptcDecisions) -> None:
     """Write the decisions of an MPTC controller; `cycles` stays empty if there are none.
 
-    Parameters
-    ----------
-    path : str or path
-        File to write or to replace.
-    decisions : MptcDecisions
-        n rows.
-
-    Raises
-    ------
-    TraceError
-        If the file cannot be written; nothing is left behind then.
+    Nothing is left behind a TraceError.
     """
     cycles = cycle_fields(decisions.cycles, len(decisions))
     if decisions.vectors is not None and decisions.times is not None:

@@ -31,22 +31,9 @@ SEGMENTS = 7
 
 
 def rate_of(period: int) -> int:
-    """What a clock adds to the phase.
+    """What a clock adds to the phase, RATE_WIDTH bits; ValueError if the period does not fit.
 
-    Parameters
-    ----------
-    period : int
-        Clocks from one control period to the next.
-
-    Returns
-    -------
-    int
-        RATE_WIDTH bits.
-
-    Raises
-    ------
-    ValueError
-        If the period is too short or too long.
+    `period`: clocks from one control period to the next.
     """
     shortest = 2 ** (PHASE_WIDTH - RATE_WIDTH) + 1
     if not shortest <= period <= LONGEST_PERIOD:
@@ -57,24 +44,11 @@ def rate_of(period: int) -> int:
 
 
 def plan(sequence: Sequence[int], segmented: bool) -> tuple[list[int], list[int], bool]:
-    """Vectors in their order, and where they end.
+    """Vectors in their order (3 or 7), where all but the last end, and whether times are too long.
 
-    Parameters
-    ----------
-    sequence : sequence of int, 5
-        u1, u2, u3, t1, t2; times in 1/4096 of the period.
-    segmented : bool
-        Space-vector modulation.
-
-    Returns
-    -------
-    vectors : list of int
-        Three, or seven. The first alone where its time is a step less than the period.
-    ends : list of int
-        Where all but the last of them end, in 1/2**POSITION_WIDTH of the period.
-    invalid : bool
-        Whether the first two times are more than the period. The third vector has no time then, and
-        those in front of it are cut where the period ends.
+    Times in 1/4096, ends in 1/2**POSITION_WIDTH of the period. The first vector alone where its
+    time is a step less than the period. With the first two times above the period, the third vector
+    has none, and those in front of it are cut where the period ends.
     """
     u1, u2, u3, t1, t2 = (int(value) for value in sequence)
     rest = max(0, 2**f.TIME_WIDTH - t1 - t2)
@@ -91,24 +65,7 @@ def plan(sequence: Sequence[int], segmented: bool) -> tuple[list[int], list[int]
 
 
 def play(sequence: Sequence[int], segmented: bool, rate: int, clocks: int) -> IntArray:
-    """Vector of every clock, from the first one that a sequence has.
-
-    Parameters
-    ----------
-    sequence : sequence of int, 5
-        As of `plan`.
-    segmented : bool
-        Space-vector modulation.
-    rate : int
-        Of `rate_of`.
-    clocks : int
-        How many.
-
-    Returns
-    -------
-    ndarray of int64, shape (clocks,)
-        Numbers of vectors, 0 to 7.
-    """
+    """Vector of every clock, from the first one that a sequence has."""
     vectors, ends, _ = plan(sequence, segmented)
     phase = np.minimum(np.arange(clocks) * rate, 2**PHASE_WIDTH - 1)
     position = phase >> (PHASE_WIDTH - POSITION_WIDTH)
@@ -118,16 +75,6 @@ def play(sequence: Sequence[int], segmented: bool, rate: int, clocks: int) -> In
 def is_early(rate: int, clocks: int) -> bool:
     """Whether a period that began `clocks` before is not over yet.
 
-    Parameters
-    ----------
-    rate : int
-        Of `rate_of`.
-    clocks : int
-        From one start to the next.
-
-    Returns
-    -------
-    bool
-        True where more than the last position is missing.
+    True where more than the last position is missing.
     """
     return clocks * rate >> (PHASE_WIDTH - POSITION_WIDTH) < _PERIOD - 1

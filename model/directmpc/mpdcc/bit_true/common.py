@@ -82,85 +82,42 @@ _OUTSIDE_INWARDS = INDEX["outside_inwards"]
 
 
 class Options(NamedTuple):
-    """Parameters of the core besides the coefficients, see ``coefficients.Registers``.
+    """Parameters of the core besides the coefficients, see ``coefficients.Registers``."""
 
-    Attributes
-    ----------
-    bound : ndarray of int64, shape (7,)
-        Half widths of i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c, trajectory units.
-    horizon : int
-        N, steps.
-    weight_scale : int
-        Index into ``formats.WEIGHT_FRACTIONS``.
-    two_switchings, compensate, deadlock_rule : int
-        0 or 1: SESE; decide for k+1; the weighted rule in deadlocks.
-    budget : int
-        Candidates of the second level, 0 without limit.
-    outside_inwards : int
-        1 for the rule "inwards" of what starts outside its bound.
-    """
-
+    # (7,): Half widths of i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c, trajectory units.
     bound: NDArray[np.int64]
-    horizon: int
-    weight_scale: int
+    horizon: int  # N, steps
+    weight_scale: int  # Index into ``formats.WEIGHT_FRACTIONS``
+    # two_switchings, compensate, deadlock_rule: 0 or 1: SESE; decide for k+1; the weighted rule in
+    # deadlocks.
     two_switchings: int
-    budget: int
+    budget: int  # Candidates of the second level, 0 without limit
     compensate: int
     deadlock_rule: int
-    outside_inwards: int
+    outside_inwards: int  # 1 for the rule "inwards" of what starts outside its bound
 
 
 class Node(NamedTuple):
-    """The node that explorers start from; every quantity in trajectory units unless said otherwise.
+    """The node that explorers start from, in trajectory units unless said otherwise."""
 
-    Attributes
-    ----------
-    error : ndarray of int64, shape (7,)
-        y* - y at k: i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c.
-    slope : ndarray of int64, shape (3,)
-        Natural part of the current errors' slopes, per step.
-    forced : ndarray of int64, shape (5,)
-        Voltage terms of v_dc/2, v_n, v_ph_a..c; two extra fractional bits.
-    phase, midpoint, weight_slope : ndarray of int64, shape (3,)
-        Capacitor-current terms of the phases: slopes of v_ph, of v_n, of sqrt(lambda_n)*v_n.
-    weight_start : int
-        sqrt(lambda_n)*v_n at k.
-    curvature : ndarray of int64, shape (3,)
-        Of the current errors, per square step; zero in the paper variant.
-    saturated : bool
-        Whether a word did not hold its value.
-    """
-
-    error: NDArray[np.int64]
-    slope: NDArray[np.int64]
+    error: NDArray[np.int64]  # (7,): y* - y at k: i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c
+    slope: NDArray[np.int64]  # (3,): Natural part of the current errors' slopes, per step
+    # (5,): Voltage terms of v_dc/2, v_n, v_ph_a..c; two extra fractional bits.
     forced: NDArray[np.int64]
+    # phase, midpoint, weight_slope: (3,): Capacitor-current terms of the phases: slopes of v_ph, of
+    # v_n, of sqrt(lambda_n)*v_n.
     phase: NDArray[np.int64]
     midpoint: NDArray[np.int64]
     weight_slope: NDArray[np.int64]
-    weight_start: int
+    weight_start: int  # sqrt(lambda_n)*v_n at k
+    # (3,): Of the current errors, per square step; zero in the paper variant.
     curvature: NDArray[np.int64]
-    saturated: bool
+    saturated: bool  # Whether a word did not hold its value
 
 
 @njit
 def options(register):
-    """``Options`` out of ``Registers.array()``.
-
-    Parameters
-    ----------
-    register : ndarray of int64
-        ``Registers.array()``.
-
-    Returns
-    -------
-    Options
-        Bounds repeated for the three phases, in trajectory units.
-
-    Raises
-    ------
-    ValueError
-        If there are more or fewer words; compiled code would read what lies behind them.
-    """
+    """``Options`` out of ``Registers.array()``; ValueError where there are more or fewer words."""
     if len(register) != _REGISTERS:
         raise ValueError("registers: as many words as Registers.array() has are needed")
     bound = np.empty(7, dtype=np.int64)
@@ -181,25 +138,9 @@ def options(register):
 
 @njit
 def common_terms(program, measurement, register):
-    """Errors, slopes and the terms of the candidates: run a program of ``mpdcc.program``.
+    """Products, then terms of a measurement (13,) by a program (n, 5), and whether one saturated.
 
     Paper A, section V-A: eqs. 2, 9 and 14 in fixed point.
-
-    Parameters
-    ----------
-    program : ndarray of int64, shape (n, 5)
-        ``PAPER_PROGRAM`` or ``FAST_PROGRAM``.
-    measurement : ndarray of int64, shape (13,)
-        In the order of ``formats.MEASUREMENTS``.
-    register : ndarray of int64
-        ``Registers.array()``.
-
-    Returns
-    -------
-    results : ndarray of int64
-        PRODUCTS, then TERMS.
-    saturated : bool
-        True where a result did not fit its word.
     """
     operand = np.empty(N_SIGNALS + N_PRODUCTS, dtype=np.int64)
     operand[0:8] = measurement[0:8]
@@ -231,15 +172,7 @@ def common_terms(program, measurement, register):
 def phases(alpha, beta):
     """Inverse Clarke transformation (Paper A, eq. 1); beta already carries sqrt(3)/2.
 
-    Parameters
-    ----------
-    alpha, beta : int
-        Components of a vector in LSB of any one format; beta times sqrt(3)/2.
-
-    Returns
-    -------
-    a, b, c : int
-        Phases in the same LSB; their sum is zero but for the bit that alpha/2 drops.
+    Any LSB; a + b + c is 0 but for the bit that alpha/2 drops.
     """
     half = alpha >> 1
     return alpha, beta - half, -half - beta
@@ -247,42 +180,14 @@ def phases(alpha, beta):
 
 @njit
 def node(program, measurement, register):
-    """The node of a measurement (Paper A, section V-A).
-
-    Parameters
-    ----------
-    program : ndarray of int64, shape (n, 5)
-        ``PAPER_PROGRAM`` or ``FAST_PROGRAM``.
-    measurement : ndarray of int64, shape (13,)
-        In the order of ``formats.MEASUREMENTS``.
-    register : ndarray of int64
-        ``Registers.array()``.
-
-    Returns
-    -------
-    Node
-        Errors, slopes and voltage terms that all candidates share.
-    """
+    """The node of a measurement (13,) by a program (n, 5) (Paper A, section V-A)."""
     results, saturated = common_terms(program, measurement, register)
     return node_of(results[N_PRODUCTS:], saturated)
 
 
 @njit
 def node_of(t, saturated):
-    """The node of its terms.
-
-    Parameters
-    ----------
-    t : ndarray of int64, shape (22,)
-        In the order of ``program.TERMS``.
-    saturated : bool
-        Whether a term did not fit its word.
-
-    Returns
-    -------
-    Node
-        Its arrays are new ones.
-    """
+    """The node of its terms (22,), in the order of ``program.TERMS``; its arrays are new ones."""
     error = np.empty(7, dtype=np.int64)
     error[0], error[1], error[2] = phases(t[0], t[1])
     error[3:7] = t[2:6]
@@ -303,16 +208,9 @@ def node_of(t, saturated):
 
 @njit
 def slopes(s, slope, forced, phase, midpoint, out):
-    """Slopes of the seven errors under a switch position (Paper A, eqs. 17 and 18).
+    """Fill `out` (7,) with slopes under rows s of ``tables`` per step (Paper A, eqs. 17 and 18).
 
-    Parameters
-    ----------
-    s : ndarray of int64, shape (3,)
-        Rows of the positions of phases a, b, c in ``tables``.
-    slope, forced, phase, midpoint : ndarray of int64
-        Of the ``Node``: trajectory units per step, `forced` with two extra fractional bits.
-    out : ndarray of int64, shape (7,)
-        Filled: i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c, trajectory units per step.
+    i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c. `forced` has two extra fractional bits.
     """
     u = np.empty(3, dtype=np.int64)
     neutral = 0
@@ -333,19 +231,9 @@ def slopes(s, slope, forced, phase, midpoint, out):
 
 @njit
 def effort_of(s_prev, s, phase):
-    """Weighted switching transitions f_s of a step (Paper A, eq. 12).
+    """Weighted transitions f_s of a step between rows of ``tables``, 0..15 (Paper A, eq. 12).
 
-    Parameters
-    ----------
-    s_prev, s : ndarray of int64, shape (3,)
-        Rows of the positions before and after it.
-    phase : ndarray of int64, shape (3,)
-        Of the ``Node``: its sign is the opposite of that of the phase current.
-
-    Returns
-    -------
-    int
-        0..15
+    The sign of `phase` is the opposite of that of the phase current.
     """
     effort = 0
     for x in range(3):
@@ -355,21 +243,9 @@ def effort_of(s_prev, s, phase):
 
 @njit
 def search_length(offset, slope, bound, horizon):
-    """How long a straight line stays inside its bound (Paper A, eq. 25 and Algorithm 2).
+    """Largest l <= horizon with |offset + l*slope| <= bound; 0 where |offset| > bound.
 
-    Parameters
-    ----------
-    offset, slope : int
-        Error at the node and what it moves by per step, trajectory units.
-    bound : int
-        Half width, trajectory units.
-    horizon : int
-        N, steps.
-
-    Returns
-    -------
-    int
-        Largest l <= horizon with |offset + l*slope| <= bound; 0 where |offset| > bound.
+    Trajectory units and steps (Paper A, eq. 25 and Algorithm 2).
     """
     if abs(offset) > bound:
         return 0
@@ -382,27 +258,10 @@ def search_length(offset, slope, bound, horizon):
 
 @njit
 def cost(effort, length, weight_start, weight_slope, weight_scale, before=0):
-    """J of a candidate (Paper A, eqs. 11 and 12).
+    """J of a candidate in 1/COST_UNIT, and whether its weight saturated (Paper A, eqs. 11 and 12).
 
-    Parameters
-    ----------
-    effort : int
-        Weighted switching transitions.
-    length : int
-        L* of the candidate, steps, at least 1.
-    weight_start, weight_slope : int
-        sqrt(lambda_n)*v_n at the node, and what it moves by per step (two extra fractional bits).
-    weight_scale : int
-        Index into ``formats.WEIGHT_FRACTIONS``.
-    before : int
-        Steps spent on the way to the node that the candidate starts from.
-
-    Returns
-    -------
-    value : int
-        J in 1/COST_UNIT.
-    saturated : bool
-        Whether sqrt(lambda_n)*v_n did not fit its word.
+    `length` is L* >= 1; weights are sqrt(lambda_n)*v_n, two extra fractional bits in the slope.
+    `before`: steps to the node.
     """
     w, over = saturate(
         weight_start + ((length * weight_slope) >> f.WEIGHT_SLOPE_FRACTION), f.WEIGHT_WIDTH
@@ -414,26 +273,7 @@ def cost(effort, length, weight_start, weight_slope, weight_scale, before=0):
 
 @njit
 def encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r):
-    """Quantise one set of measurements to the core's ports.
-
-    Parameters
-    ----------
-    x_m, x_inv : ndarray of float64, shape (4,)
-        Machine state (i_s and psi_r, alpha and beta) and inverter state (v_n, v_ph_a..c), per unit.
-    vdc : float
-        dc-link voltage, per unit.
-    iref : ndarray of float64, shape (2,)
-        Current reference, alpha and beta, per unit.
-    omega_s, omega_r : float
-        Speeds, per unit.
-
-    Returns
-    -------
-    measurement : ndarray of int64, shape (13,)
-        In the order of ``formats.MEASUREMENTS``.
-    clipped : int
-        1 where a value lay outside its word.
-    """
+    """Measurements per unit to the core's ports: words (13,), and 1 where one saturated."""
     real = np.empty(13, dtype=np.float64)
     real[0:4] = x_m
     real[4:8] = x_inv
@@ -445,20 +285,7 @@ def encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r):
 
 
 def encode(trace: MpdccTrace) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Quantise a trace to the core's measurement ports.
-
-    Parameters
-    ----------
-    trace : MpdccTrace
-        n rows.
-
-    Returns
-    -------
-    measurements : ndarray of int64, shape (n, 13)
-        In the order of ``formats.MEASUREMENTS``.
-    saturated : ndarray of bool, shape (n,)
-        True where a value of the row lay outside its word.
-    """
+    """Quantise n rows to the core's ports: words (n, 13), and whether each row saturated."""
     columns = [
         *trace.x_m.T,
         *trace.x_inv.T,
@@ -475,22 +302,7 @@ def encode(trace: MpdccTrace) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
 
 
 def run_rows(rows: Any, register: NDArray[np.int64], trace: MpdccTrace) -> Decisions:
-    """Decisions of a compiled loop over rows (``_run`` of a variant) for a trace.
-
-    Parameters
-    ----------
-    rows : compiled function
-        Arguments (register, measurements, s_prev, out), see ``paper.run_words``.
-    register : ndarray of int64
-        ``Registers.array()``.
-    trace : MpdccTrace
-        n independent rows, per unit.
-
-    Returns
-    -------
-    Decisions
-        n rows. ``cycles`` is None: the model has no clock. ``saturated`` covers the inputs.
-    """
+    """Decisions of a compiled loop (as ``paper.run_words``) for n independent rows of a trace."""
     measurements, clipped = encode(trace)
     out = np.empty((len(measurements), 7), dtype=np.int64)
     rows(register, measurements, trace.s_prev.astype(np.int64), out)

@@ -85,15 +85,7 @@ class Rule(NamedTuple):
 def turn_threshold(error, curvature, bound):
     """T: the slope against the curvature from which a trajectory leaves before it turns.
 
-    Parameters
-    ----------
-    error, curvature, bound : int
-        Of a current, trajectory units; |error| <= bound.
-
-    Returns
-    -------
-    int
-        Trajectory units per step.
+    Trajectory units per step; |error| <= bound.
     """
     room = bound + error if curvature >= 0 else bound - error
     steep = abs(curvature)
@@ -108,20 +100,9 @@ def first_exit(error, slope, curvature, bound, threshold):
     """Largest l of 0..63 up to which a parabola stays in the band (Paper A, eqs. 8, 22 to 24).
 
     The paper's line is a parabola here. One bit of l per stage of the explorer's pipeline. An error
-    that starts outside is followed while it comes back, as the rule "inwards" has it; whether step
-    one does is for ``length_inwards`` to say.
-
-    Parameters
-    ----------
-    error, slope, curvature, bound : int
-        Of a current, trajectory units (per step, per square step).
-    threshold : int
-        ``turn_threshold`` of the same.
-
-    Returns
-    -------
-    int
-        Steps.
+    that starts outside is followed while it comes back, as the rule "inwards" has it;
+    ``length_inwards`` says whether step one does. Trajectory units, `threshold` of
+    ``turn_threshold``.
     """
     upwards = curvature >= 0
     exceeds = slope < -threshold if upwards else slope > threshold
@@ -173,33 +154,12 @@ def _neutral_slope(s, shares):
 
 @njit
 def successor(register, reference, t, start_slope, s, steps):
-    """The node that a node is taken to by `steps` steps under the switch position s.
+    """Terms (22,) of the node that 1..63 steps under rows s of ``tables`` lead to; saturated.
 
     Every quantity follows the polynomial it is predicted with: the current errors their parabolas,
     voltages straight lines. The natural slope is that of the parabola there, the curvature stays;
-    currents move by what the reference moves (turned to first order) less the change of the error.
-
-    Parameters
-    ----------
-    register : ndarray of int64
-        ``Registers.array()``.
-    reference : ndarray of int64, shape (2,)
-        reference_slope_alpha, _beta: what i* moves by per step, trajectory units.
-    t : ndarray of int64, shape (22,)
-        ``TERMS`` of the node to start from.
-    start_slope : ndarray of int64, shape (2,)
-        Slopes of its current errors a and b under s, see `has_successors`.
-    s : ndarray of int64, shape (3,)
-        Rows of the positions of phases a, b, c that lead to it.
-    steps : int
-        1..63.
-
-    Returns
-    -------
-    following : ndarray of int64, shape (22,)
-        ``TERMS`` of the successor.
-    saturated : bool
-        True where a word did not hold its value.
+    currents move by what the reference moves (turned to first order, `reference` (2,), trajectory
+    units per step) less the change of the error. `start_slope` (2,): see ``has_successors``.
     """
     out = t.copy()
     flag = 0
@@ -254,20 +214,7 @@ def _reference(register, results):
 
 @njit
 def node_of(t, saturated):
-    """``common.node_of`` with the opposite of phase c in place of c, and curvatures clipped.
-
-    Parameters
-    ----------
-    t : ndarray of int64, shape (22,)
-        In the order of ``program.TERMS``.
-    saturated : bool
-        Whether a term did not fit its word.
-
-    Returns
-    -------
-    Node
-        Its current errors and curvatures are those of a, b, and a + b.
-    """
+    """``common.node_of`` with the opposite of phase c in place of c, and curvatures clipped."""
     n = common.node_of(t, saturated)
     n.error[2] = n.error[0] + n.error[1]
     n.curvature[2] = n.curvature[0] + n.curvature[1]
@@ -290,20 +237,7 @@ def _root(register, measurement):
 
 @njit
 def node(measurement, register):
-    """The node of a measurement with the fast variant's program, see ``node_of``.
-
-    Parameters
-    ----------
-    measurement : ndarray of int64, shape (13,)
-        In the order of ``formats.MEASUREMENTS``.
-    register : ndarray of int64
-        ``Registers.array()``.
-
-    Returns
-    -------
-    Node
-        As of ``node_of``.
-    """
+    """The node of a measurement with the fast variant's program, see ``node_of``."""
     return _root(register, measurement)[2]
 
 
@@ -311,20 +245,8 @@ def node(measurement, register):
 def share_of(s, shares):
     """Slope of v_n, or of sqrt(lambda_n)*v_n: the shares of the phases at the neutral point.
 
-    The shares add up to zero, so that two phases make the complement of the third's and all three
-    nothing at all.
-
-    Parameters
-    ----------
-    s : ndarray of int64, shape (3,)
-        Rows of the positions of phases a, b, c in ``tables``.
-    shares : ndarray of int64, shape (3,)
-        ``Node.midpoint`` or ``Node.weight_slope``.
-
-    Returns
-    -------
-    int
-        LSB of the shares, per step. Complements are one's complements, one LSB off.
+    LSB of the shares per step. A complement is a one's complement, one LSB off. The shares add up
+    to zero, so that two phases make the complement of the third's and all three nothing at all.
     """
     hanging = 0
     total = 0
@@ -345,14 +267,7 @@ def share_of(s, shares):
 def slopes(s, slope, forced, phase, midpoint, out):
     """``common.slopes`` with the opposite of phase c (Paper A, eqs. 17 and 18).
 
-    Parameters
-    ----------
-    s : ndarray of int64, shape (3,)
-        Rows of the positions of phases a, b, c in ``tables``.
-    slope, forced, phase, midpoint : ndarray of int64
-        Of the ``Node`` of ``node_of``.
-    out : ndarray of int64, shape (7,)
-        Filled: i_a, i_b, i_a + i_b, v_n, v_ph_a, v_ph_b, v_ph_c, trajectory units per step.
+    `out` (7,) as there, with i_a + i_b in place of i_c.
     """
     common.slopes(s, slope, forced, phase, midpoint, out)
     out[2] = out[0] + out[1]
@@ -361,19 +276,9 @@ def slopes(s, slope, forced, phase, midpoint, out):
 
 @njit
 def first_errors(error, curvature):
-    """Errors at k+1 but for the slope: the currents' a, b, and exactly their sum (Paper A, eq. 17).
+    """Errors at k+1 (7,) but for the slope: the currents' a, b, and exactly their sum.
 
-    Parameters
-    ----------
-    error : ndarray of int64, shape (7,)
-        Errors at k of the ``Node``, trajectory units.
-    curvature : ndarray of int64, shape (3,)
-        Of the ``Node``, trajectory units per square step.
-
-    Returns
-    -------
-    ndarray of int64, shape (7,)
-        Trajectory units; a new array.
+    Trajectory units (Paper A, eq. 17).
     """
     first = error.copy()
     first[0] += curvature[0]
@@ -392,21 +297,9 @@ def _start_slopes(s, n, slope, start):
 
 @njit
 def has_successors(t, start):
-    """Whether a node's errors and the slopes of its currents fit the words of a successor's base.
+    """Whether the errors of terms (22,) and slopes `start` (2,) fit ``formats.BASE_WIDTH`` bits.
 
     All do whose candidates stay inside their bounds; the state of k + 1 is not predicted otherwise.
-
-    Parameters
-    ----------
-    t : ndarray of int64, shape (22,)
-        In the order of ``program.TERMS``.
-    start : ndarray of int64, shape (2,)
-        Slopes of the current errors a and b, trajectory units per step.
-
-    Returns
-    -------
-    bool
-        True where the six errors and both slopes fit ``formats.BASE_WIDTH`` bits.
     """
     for j in range(6):
         if saturate(t[j], f.BASE_WIDTH)[1]:
@@ -451,31 +344,10 @@ def _far(error):
 
 @njit
 def length_inside(rule, error, first, slope, curvature, bound, threshold, horizon):
-    """L* of one candidate: how long every trajectory stays inside its bound (Paper A, eqs. 8, 22).
+    """L* of a candidate, 0..N: how long all trajectories stay inside (Paper A, eqs. 8, 22).
 
-    Parameters
-    ----------
-    rule : int or tuple
-        Without effect; ``search`` hands it to every part of a rule.
-    error : ndarray of int64, shape (7,)
-        At the node: i_a, i_b, and their sum, v_n, v_ph_a, v_ph_b, v_ph_c, trajectory units.
-    first : ndarray of int64, shape (7,)
-        ``first_errors`` of the node.
-    slope : ndarray of int64, shape (7,)
-        Under the candidate, trajectory units per step.
-    curvature : ndarray of int64, shape (3,)
-        Of the currents, trajectory units per square step.
-    bound : ndarray of int64, shape (7,)
-        Half widths, trajectory units.
-    threshold : ndarray of int64, shape (3,)
-        ``turn_threshold`` of each current.
-    horizon : int
-        N, steps.
-
-    Returns
-    -------
-    int
-        0..N
+    Trajectory units: i_a, i_b, i_a + i_b, v_n, v_ph_a, v_ph_b, v_ph_c; curvatures of the three
+    currents. `rule` is without effect.
     """
     length = horizon
     for j in range(7):
@@ -496,20 +368,6 @@ def length_inwards(rule, error, first, slope, curvature, bound, threshold, horiz
     """L* by the rule "inwards": what starts outside its bound is followed while it comes back.
 
     Arguments and result as ``length_inside``.
-
-    Parameters
-    ----------
-    rule : int or tuple
-        Without effect.
-    error, first, slope, curvature, bound, threshold : ndarray of int64
-        Trajectory units.
-    horizon : int
-        N, steps.
-
-    Returns
-    -------
-    int
-        0..N
     """
     length = horizon
     for j in range(7):
@@ -538,20 +396,6 @@ def length_of(rule, error, first, slope, curvature, bound, threshold, horizon):
     """L* by ``Rule``: ``length_inwards`` or ``length_inside``.
 
     Arguments and result as ``length_inside``.
-
-    Parameters
-    ----------
-    rule : Rule
-        Its `outside_inwards` chooses.
-    error, first, slope, curvature, bound, threshold : ndarray of int64
-        Trajectory units.
-    horizon : int
-        N, steps.
-
-    Returns
-    -------
-    int
-        0..N
     """
     if rule.outside_inwards:
         return length_inwards(rule, error, first, slope, curvature, bound, threshold, horizon)
@@ -562,20 +406,8 @@ def length_of(rule, error, first, slope, curvature, bound, threshold, horizon):
 def deadlock_rank(first, slope, bound, weighted):
     """What a deadlock compares, less is better: the largest excess at k+1 (Paper A, eq. 15).
 
-    The weighted rule counts the excess of v_n eight times and adds a sixteenth of the currents'
-    largest one.
-
-    Parameters
-    ----------
-    first, slope, bound : ndarray of int64, shape (7,)
-        As in ``length_inside``.
-    weighted : int
-        1 for the weighted rule.
-
-    Returns
-    -------
-    int
-        Trajectory units; sixteenths of them with the weighted rule.
+    Trajectory units. The weighted rule counts in sixteenths: the excess of v_n eight times, and a
+    sixteenth of the currents' largest one.
     """
     current = -(1 << 40)
     for j in range(3):
@@ -595,25 +427,7 @@ def least_excess(
 ):  # fmt: skip
     """Whether a candidate is the best so far in a deadlock (Paper A, eqs. 15 and 16).
 
-    On equal ranks the earliest is.
-
-    Parameters
-    ----------
-    rule : Rule
-        Its `deadlock_rule` is 1 for the weighted rule, see ``deadlock_rank``.
-    error, first, slope, curvature, bound : ndarray of int64
-        As in ``length_inside``.
-    effort : int
-        Weighted switching transitions of the candidate; without effect.
-    record : ndarray of int64, shape (8,)
-        The rank of the best so far in entry 0.
-    none_yet : bool
-        Whether this is the first candidate.
-
-    Returns
-    -------
-    bool
-        True where it is; `record` is updated then.
+    On equal ranks the earliest is. Entry 0 of `record` (8,) keeps the best rank.
     """
     rank = deadlock_rank(first, slope, bound, rule.deadlock_rule)
     if none_yet or rank < record[0]:
@@ -624,22 +438,7 @@ def least_excess(
 
 @njit
 def no_surcharge(rule, error, slope, length):
-    """What the specification's rule adds to J: nothing.
-
-    Parameters
-    ----------
-    rule : int or tuple
-        Without effect, as are all others.
-    error, slope : ndarray of int64, shape (7,)
-        As in ``length_inside``.
-    length : int
-        L* of the candidate, steps.
-
-    Returns
-    -------
-    int
-        0, in 1/COST_UNIT.
-    """
+    """What the specification's rule adds to J: nothing. The unit is 1/COST_UNIT."""
     return 0
 
 
@@ -692,42 +491,11 @@ def search(
 ):  # fmt: skip
     """One decision of the fast variant under a rule (Paper A, Algorithm 1; SESE: two of them).
 
-    The rule's parts are compiled functions.  A caller is compiled for its own, so that they cost
-    nothing; it must be compiled itself.
-
-    Parameters
-    ----------
-    length_of : compiled function
-        L* of a candidate: arguments and result as ``length_inside``.
-    better : compiled function
-        Whether a candidate is the best so far in a deadlock: as ``least_excess``.
-    surcharge : compiled function
-        What is added to J, in 1/COST_UNIT: as ``no_surcharge``.
-    rule : int or tuple
-        First argument of these.
-    register : ndarray of int64
-        ``Registers.array()``.
-    measurement : ndarray of int64, shape (13,)
-        In the order of ``formats.MEASUREMENTS``.
-    s_prev : ndarray of int64, shape (3,)
-        Rows of s(k-1) in ``tables``; so are the positions of `order` and of the result.
-    order : ndarray of int64, shape (64, 5)
-        Filled with s1, L1 and effort of every node that was looked at, in turn.
-    record : ndarray of int64, shape (8,)
-        What ``better`` keeps about the best so far.
-
-    Returns
-    -------
-    s_a, s_b, s_c : int
-        Rows of the positions to apply.
-    held, deadlock : int
-        Flags, 0 or 1.
-    length : int
-        L* of the choice (L1 for SESE), steps; 0 when held or deadlocked.
-    saturated, exhausted : int
-        Flags: a word did not hold its value; the budget ended the search.
-    looked_at : int
-        Rows of `order` that are filled.
+    The rule's parts have the arguments of ``length_inside``, ``least_excess`` and ``no_surcharge``.
+    A caller is compiled for its own, so that they cost nothing; it must be compiled itself. `order`
+    (64, 5) is filled with s1, L1 and effort of every node in turn, `record` is for `better`. Gives
+    s_a, s_b, s_c, held, deadlock, L* in steps (L1 for SESE), saturated, exhausted, and the rows of
+    `order` that are filled.
     """
     o = options(register)
     results, t, root = _root(register, measurement)
@@ -856,21 +624,7 @@ def search(
 def search_words(register, measurement, s_prev, order):
     """One decision of the fast variant under the specification's rule.
 
-    Parameters
-    ----------
-    register : ndarray of int64
-        ``Registers.array()``.
-    measurement : ndarray of int64, shape (13,)
-        In the order of ``formats.MEASUREMENTS``.
-    s_prev : ndarray of int64, shape (3,)
-        s(k-1), 0..7.
-    order : ndarray of int64, shape (64, 5)
-        Filled with s1, L1 and effort of every node that was looked at, in turn.
-
-    Returns
-    -------
-    tuple of int
-        As ``search``.
+    Arguments and result as ``search``.
     """
     record = np.zeros(8, dtype=np.int64)
     o = options(register)
@@ -887,19 +641,7 @@ def search_words(register, measurement, s_prev, order):
 def decide_words(register, measurement, s_prev):
     """One decision of the fast variant (Paper A, Algorithm 1; SESE where the registers ask for it).
 
-    Parameters
-    ----------
-    register : ndarray of int64
-        ``Registers.array()``.
-    measurement : ndarray of int64, shape (13,)
-        In the order of ``formats.MEASUREMENTS``.
-    s_prev : ndarray of int64, shape (3,)
-        s(k-1), 0..7.
-
-    Returns
-    -------
-    tuple of int
-        s_a, s_b, s_c, held, deadlock, length, saturated, as ``paper.decide_words``.
+    Result as of ``paper.decide_words``.
     """
     order = np.empty((CANDIDATES, 5), dtype=np.int64)
     return search_words(register, measurement, s_prev, order)[:7]
@@ -907,28 +649,7 @@ def decide_words(register, measurement, s_prev):
 
 @njit
 def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """``decide_words`` on real numbers: the signature of ``ideal.decide``.
-
-    Parameters
-    ----------
-    parameters : ndarray of int64
-        ``Registers.array()``.
-    x_m, x_inv : ndarray of float64, shape (4,)
-        Machine and inverter state, per unit.
-    vdc : float
-        dc-link voltage, per unit.
-    iref : ndarray of float64, shape (2,)
-        Current reference, per unit.
-    omega_s, omega_r : float
-        Speeds, per unit.
-    s_prev : ndarray of int64, shape (3,)
-        s(k-1), 0..7.
-
-    Returns
-    -------
-    tuple of int
-        s_a, s_b, s_c, held, deadlock, length, saturated (inputs included).
-    """
+    """``decide_words`` on real numbers: the signature of ``ideal.decide``."""
     measurement, clipped = encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r)
     a, b, c, held, deadlock, length, saturated = decide_words(parameters, measurement, s_prev)
     return a, b, c, held, deadlock, length, saturated | clipped
@@ -936,66 +657,19 @@ def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 
 @njit
 def run_words(register, measurements, s_prev, out):
-    """``decide_words`` for every row.
-
-    Parameters
-    ----------
-    register : ndarray of int64
-        ``Registers.array()``.
-    measurements : ndarray of int64, shape (n, 13)
-        In the order of ``formats.MEASUREMENTS``.
-    s_prev : ndarray of int64, shape (n, 3)
-        s(k-1).
-    out : ndarray of int64, shape (n, 7)
-        Filled.
-    """
+    """``decide_words`` for every row."""
     for k in range(measurements.shape[0]):
         out[k, :] = decide_words(register, measurements[k], s_prev[k])
 
 
 def run(drive: Drive, trace: MpdccTrace, values: Registers | None = None) -> Decisions:
-    """Decisions of the fast variant for every row of a trace.
-
-    Parameters
-    ----------
-    drive : Drive
-        Supplies the registers unless ``values`` is given.
-    trace : MpdccTrace
-        n independent rows, per unit.
-    values : Registers, optional
-        Registers to use instead of the drive's.
-
-    Returns
-    -------
-    Decisions
-        n rows; ``cycles`` is None.
-
-    Raises
-    ------
-    ValueError
-        Without ``values``, where a coefficient of the drive cannot be represented.
-    """
+    """Decisions of the fast variant for every row of a trace."""
     return run_rows(run_words, (values or registers(drive, "fast")).array(), trace)
 
 
 @njit
 def predicts(register, measurement, s_prev):
-    """Whether a step that is to be decided for k + 1 is: whether that state can be predicted.
-
-    Parameters
-    ----------
-    register : ndarray of int64
-        ``Registers.array()``.
-    measurement : ndarray of int64, shape (13,)
-        In the order of ``formats.MEASUREMENTS``.
-    s_prev : ndarray of int64, shape (3,)
-        s(k-1), 0..7.
-
-    Returns
-    -------
-    bool
-        False where the core decides for k instead and reports saturation.
-    """
+    """Whether a step that is to be decided for k + 1 is: whether that state can be predicted."""
     _, t, root = _root(register, measurement)
     slope, start = np.empty(7, dtype=np.int64), np.empty(2, dtype=np.int64)
     _start_slopes(s_prev + register[_FIRST_ROW], root, slope, start)
@@ -1005,24 +679,7 @@ def predicts(register, measurement, s_prev):
 def node_at(
     register: NDArray[np.int64], measurement: NDArray[np.int64], s: NDArray[np.int64], steps: int
 ) -> NDArray[np.int64]:
-    """Errors of the node that the root is taken to by `steps` steps under s, without prediction.
-
-    Parameters
-    ----------
-    register : (n,)
-        ``Registers.array()``.
-    measurement : (13,)
-        In the order of ``formats.MEASUREMENTS``.
-    s : (3,)
-        Positions of phases a, b, c.
-    steps : int
-        1..63.
-
-    Returns
-    -------
-    (7,)
-        y* - y of i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c, trajectory units.
-    """
+    """Errors of the node that the root is taken to by `steps` steps under s, without prediction."""
     results, t, root = _root(register, measurement)
     slope, start = np.empty(7, dtype=np.int64), np.empty(2, dtype=np.int64)
     row = s + register[_FIRST_ROW]

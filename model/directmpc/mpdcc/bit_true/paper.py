@@ -33,22 +33,7 @@ _FIRST_ROW = INDEX["first_row"]
 
 @njit
 def decide_words(register, measurement, s_prev):
-    """One decision of the paper variant, horizon SE.
-
-    Parameters
-    ----------
-    register : ndarray of int64
-        ``Registers.array()``.
-    measurement : ndarray of int64, shape (13,)
-        In the order of ``formats.MEASUREMENTS``.
-    s_prev : ndarray of int64, shape (3,)
-        s(k-1).
-
-    Returns
-    -------
-    tuple of int
-        s_a, s_b, s_c, held, deadlock, length, saturated.
-    """
+    """One decision, horizon SE: s_a, s_b, s_c, held, deadlock, length (steps), saturated."""
     row = register[_FIRST_ROW]
     a, b, c, held, deadlock, length, saturated = _decide_rows(register, measurement, s_prev + row)
     return a - row, b - row, c - row, held, deadlock, length, saturated
@@ -116,28 +101,7 @@ def _decide_rows(register, measurement, s_prev):
 
 @njit
 def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
-    """``decide_words`` on real numbers: the signature of ``ideal.decide``.
-
-    Parameters
-    ----------
-    parameters : ndarray of int64
-        ``Registers.array()``.
-    x_m, x_inv : ndarray of float64, shape (4,)
-        Machine and inverter state, per unit.
-    vdc : float
-        dc-link voltage, per unit.
-    iref : ndarray of float64, shape (2,)
-        Current reference, per unit.
-    omega_s, omega_r : float
-        Speeds, per unit.
-    s_prev : ndarray of int64, shape (3,)
-        s(k-1), 0..7.
-
-    Returns
-    -------
-    tuple of int
-        s_a, s_b, s_c, held, deadlock, length, saturated (inputs included).
-    """
+    """``decide_words`` on real numbers, per unit: the signature of ``ideal.decide``."""
     measurement, clipped = encode_row(x_m, x_inv, vdc, iref, omega_s, omega_r)
     a, b, c, held, deadlock, length, saturated = decide_words(parameters, measurement, s_prev)
     return a, b, c, held, deadlock, length, saturated | clipped
@@ -145,44 +109,14 @@ def decide(parameters, x_m, x_inv, vdc, iref, omega_s, omega_r, s_prev):
 
 @njit
 def run_words(register, measurements, s_prev, out):
-    """``decide_words`` for every row.
-
-    Parameters
-    ----------
-    register : ndarray of int64
-        ``Registers.array()``.
-    measurements : ndarray of int64, shape (n, 13)
-        In the order of ``formats.MEASUREMENTS``.
-    s_prev : ndarray of int64, shape (n, 3)
-        s(k-1).
-    out : ndarray of int64, shape (n, 7)
-        Filled.
-    """
+    """``decide_words`` for every row of words (n, 13) and s(k-1) (n, 3); fills `out` (n, 7)."""
     for k in range(measurements.shape[0]):
         out[k, :] = decide_words(register, measurements[k], s_prev[k])
 
 
 def run(drive: Drive, trace: MpdccTrace, values: Registers | None = None) -> Decisions:
-    """Decisions of the paper variant for every row of a trace.
+    """Decisions of the paper variant for n rows of a trace, by the drive's registers or `values`.
 
-    Parameters
-    ----------
-    drive : Drive
-        Supplies the registers unless ``values`` is given.
-    trace : MpdccTrace
-        n independent rows.
-    values : Registers, optional
-        Registers to use instead of the drive's.
-
-    Returns
-    -------
-    Decisions
-        n rows; ``cycles`` is None.
-
-    Raises
-    ------
-    ValueError
-        Without ``values``, where a coefficient of the drive cannot be represented, or where the
-        drive asks for what this variant does not serve.
+    ValueError where a coefficient cannot be represented or the drive asks for what is not served.
     """
     return run_rows(run_words, (values or registers(drive, "paper")).array(), trace)
