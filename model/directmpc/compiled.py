@@ -46,30 +46,11 @@ def njit(
 ) -> Any:
     """Compile a function with ``numba.njit`` and keep the code for the next start.
 
-    Serves as ``@njit`` and as ``@njit(kept=False)``.
-
-    Parameters
-    ----------
-    function : callable
-        Python function as numba takes it.  It may call functions of this package, and of the
-        package (or, outside a package, of the file) that it is defined in.
-    kept : bool
-        False for a function that is given compiled functions as arguments: numba compiles it
-        anew for each of them and cannot keep the code.
-    inline : bool
-        True for a function that becomes part of each compiled function that calls it.  Only so can
-        a caller's code be kept that hands compiled functions to it.
-
-    Returns
-    -------
-    callable
-        What ``numba.njit`` returns.
-
-    Warns
-    -----
-    UserWarning
-        Once, where compiled code cannot be kept: the folder of the cache cannot be written, is on a
-        full disk, or nobody knows where it is.  The code is compiled at every start.
+    Serves as ``@njit`` and as ``@njit(kept=False)``, for a function that is given compiled
+    functions as arguments: numba compiles it anew for each. With `inline` it becomes part of each
+    caller, so that the code of a caller that hands compiled functions to it can be kept. It may
+    call functions of this package and of its own package or file. A UserWarning says once that code
+    cannot be kept.
     """
     if function is None:
         return functools.partial(njit, kept=kept, inline=inline)
@@ -109,11 +90,6 @@ class _Compiling(event.Listener):  # type: ignore[misc]
     """Says once on standard error that a silence is the compiler's, where it is a long one.
 
     The variable DIRECTMPC_SILENT, set to anything, keeps it quiet.
-
-    Attributes
-    ----------
-    codes
-        Of the functions that are ours.
     """
 
     def __init__(self) -> None:

@@ -33,15 +33,7 @@ class TraceError(ValueError):
 
 
 class RowError(ValueError):
-    """A row of a trace cannot be decided on.
-
-    Parameters
-    ----------
-    row : int
-        Its number, from 0 on.
-    reason : str
-        Why, and what is needed.
-    """
+    """Row `row` of a trace, from 0 on, cannot be decided on, for `reason`."""
 
     def __init__(self, row: int, reason: str) -> None:
         super().__init__(f"row {row + 1}: {reason}")
@@ -50,76 +42,38 @@ class RowError(ValueError):
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a file.
+    """One column of a file."""
 
-    Attributes
-    ----------
-    name : str
-        As the header has it.
-    low, high : int, optional
-        Range of an integer; a finite real number without them.
-    optional : bool
-        Whether the file may do without it.
-    may_be_empty : bool
-        Whether its fields may be empty.
-    """
-
-    name: str
+    name: str  # As the header has it
+    # low, high: Range of an integer; a finite real number without them.
     low: int | None = None
     high: int | None = None
-    optional: bool = False
-    may_be_empty: bool = False
+    optional: bool = False  # Whether the file may do without it
+    may_be_empty: bool = False  # Whether its fields may be empty
 
     @property
     def is_integer(self) -> bool:
-        """Whether its fields are integers.
-
-        Returns
-        -------
-        bool
-            True where the column has a range.
-        """
+        """Whether its fields are integers."""
         return self.low is not None
 
     @property
     def pattern(self) -> str:
         """Regular expression of one field, without its range.
 
-        Returns
-        -------
-        str
-            For ``re.fullmatch``; an empty field matches where it may stand. An integer may be
-            written as a real number, 6.0 or 6.000e+00.
+        An empty field matches where it may stand. An integer may be written as 6.0 or 6.000e+00.
         """
         return f"(?:{_REAL})?" if self.may_be_empty else _REAL
 
     @property
     def allowed(self) -> str:
-        """What a field may hold, in words.
-
-        Returns
-        -------
-        str
-            End of the sentence "it must be ...".
-        """
+        """What a field may hold, in words: the end of "it must be ..."."""
         if not self.is_integer:
             return "a finite number such as -0.125 or 1e-3"
         words = f"an integer from {self.low} to {self.high}"
         return f"empty or {words}" if self.may_be_empty else words
 
     def accepts(self, field: str) -> bool:
-        """Whether a field may stand in this column.
-
-        Parameters
-        ----------
-        field : str
-            Text between two commas.
-
-        Returns
-        -------
-        bool
-            False for a wrong form, a number outside the range, or one that is not finite.
-        """
+        """Whether a field has this column's form and a finite value in its range."""
         if re.fullmatch(self.pattern, field) is None:
             return False
         if not field:
@@ -173,18 +127,7 @@ def _other_separator(line: str, known: Collection[str]) -> str | None:
 
 
 def shown(text: str) -> str:
-    """A text of a file as it may stand in a message: one line, not long.
-
-    Parameters
-    ----------
-    text : str
-        Of any content.
-
-    Returns
-    -------
-    str
-        40 characters at most before what cannot be printed is escaped.
-    """
+    """A text of a file for a message: one line, 40 characters at most before it is escaped."""
     short = text if len(text) <= 40 else text[:37] + "..."
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in short)
 
@@ -254,25 +197,10 @@ def _row_error(
 
 
 def read_table(path: PathLike, columns: Sequence[Column]) -> dict[str, list[str]]:
-    """Read a CSV file into checked fields.
+    """Read a CSV file into checked fields: column name to fields, as text.
 
-    Parameters
-    ----------
-    path : str or path
-        UTF-8, fields separated by commas, each in double quotes or in none, the header in line 1.
-        Blank lines at the end count as none.
-    columns : sequence of Column
-        What the header may name, in any order.
-
-    Returns
-    -------
-    dict
-        Column name to fields, as text; without the optional columns that the file lacks.
-
-    Raises
-    ------
-    TraceError
-        With file, line (the header is line 1), column and what is allowed.
+    UTF-8, each field in double quotes or in none, the header in line 1; blank lines at the end
+    count as none. TraceError with file, line, column and what is allowed.
     """
     lines = _read_lines(path)
     if not lines:
@@ -302,69 +230,20 @@ def read_table(path: PathLike, columns: Sequence[Column]) -> dict[str, list[str]
 
 
 def floats(table: dict[str, list[str]], names: Iterable[str]) -> FloatArray:
-    """Columns of a table as real numbers, shape (rows, columns).
-
-    Parameters
-    ----------
-    table : dict of list of str
-        Of ``read_table``, n rows.
-    names : iterable of str
-        m columns, none of them empty in any row.
-
-    Returns
-    -------
-    ndarray of float64, shape (n, m)
-        In the units of the file.
-
-    Raises
-    ------
-    ValueError
-        If a field is empty.
-    """
+    """Columns of a table as real numbers, shape (rows, columns). ValueError if a field is empty."""
     return np.array([[float(field) for field in table[name]] for name in names]).T.copy()
 
 
 def integers(table: dict[str, list[str]], name: str) -> IntArray:
-    """A column of a table as integers, shape (rows,).
-
-    Parameters
-    ----------
-    table : dict of list of str
-        Of ``read_table``, n rows.
-    name : str
-        Column of integers, not empty in any row.
-
-    Returns
-    -------
-    ndarray of int64, shape (n,)
-        In the units of the file.
-
-    Raises
-    ------
-    ValueError
-        If a field is empty.
-    """
+    """A column of a table as integers, shape (rows,). ValueError if a field is empty."""
     return np.array([float(field) for field in table[name]]).astype(np.int64)
 
 
 def write_table(path: PathLike, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """Write a CSV file whole or not at all: a temporary file in the same folder, then renamed.
 
-    A link stays, what it points at is written; devices and pipes are refused.
-
-    Parameters
-    ----------
-    path : str or path
-        File to write or to replace.
-    header : sequence of str
-        Column names.
-    rows : iterable of sequence of str
-        Fields as text, as many as the header has.
-
-    Raises
-    ------
-    TraceError
-        If the file cannot be written; nothing is left behind then.
+    Nothing is left behind a TraceError. A link stays, what it points at is written; devices and
+    pipes are refused.
     """
     try:
         with (
@@ -380,42 +259,14 @@ def write_table(path: PathLike, header: Sequence[str], rows: Iterable[Sequence[s
 
 
 def cycle_fields(cycles: IntArray | None, rows: int) -> list[str]:
-    """Fields of the column `cycles`, as `read_cycles` reads them.
-
-    Parameters
-    ----------
-    cycles : ndarray of int64, shape (rows,), or None
-        Clock cycles of each decision; None: every field is empty.
-    rows : int
-        Rows of the table.
-
-    Returns
-    -------
-    list of str
-        One field for each row.
-    """
+    """Fields of the column `cycles`, as `read_cycles` reads them; all empty for None."""
     return [""] * rows if cycles is None else [str(int(count)) for count in cycles]
 
 
 def read_cycles(path: PathLike, table: dict[str, list[str]]) -> IntArray | None:
     """Column `cycles`, None if it is empty throughout.
 
-    Parameters
-    ----------
-    path : str or path
-        File that the table was read from, for the message.
-    table : dict of list of str
-        Of ``read_table``, n rows, with a column `cycles`.
-
-    Returns
-    -------
-    ndarray of int64, shape (n,), or None
-        Clock cycles of each decision.
-
-    Raises
-    ------
-    TraceError
-        If it is empty in some rows and not in others.
+    TraceError if it is empty in some rows and not in others.
     """
     if not any(table["cycles"]):
         return None

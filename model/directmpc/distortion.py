@@ -11,7 +11,7 @@ FloatArray = NDArray[np.float64]
 
 
 def thd(currents: FloatArray, omega_s: float, ts: float) -> FloatArray:
-    """Total harmonic distortion over whole fundamental periods.
+    """Total harmonic distortion over whole fundamental periods, a ratio for each column.
 
     The signal is cut to the largest number of samples that comes nearest to a whole number of
     periods, the fundamental (and the mean) fitted to it by least squares, and
@@ -19,26 +19,8 @@ def thd(currents: FloatArray, omega_s: float, ts: float) -> FloatArray:
         THD = rms(signal - mean - fundamental) / rms(fundamental).
 
     Sampled once per control step, so ripple within a step is not seen; subharmonics and
-    interharmonics count as distortion, a dc part does not.
-
-    Parameters
-    ----------
-    currents : (n,) or (n, m)
-        Samples, one column per signal.
-    omega_s : float
-        Fundamental frequency, per unit, not zero.
-    ts : float
-        Sampling interval, per unit.
-
-    Returns
-    -------
-    (m,) or scalar array
-        A ratio for each column.
-
-    Raises
-    ------
-    ValueError
-        If the samples do not cover one period.
+    interharmonics count as distortion, a dc part does not. Frequency and interval per unit;
+    ValueError if the samples do not cover one period.
     """
     samples = np.asarray(currents, dtype=np.float64)
     period = 2 * math.pi / abs(omega_s * ts) if omega_s else math.inf

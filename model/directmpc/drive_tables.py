@@ -33,38 +33,12 @@ class DriveFileError(DriveError):
 
 
 def refused(key: str, message: str) -> PydanticCustomError:
-    """Make the error of a check over several keys.
-
-    Parameters
-    ----------
-    key : str
-        The key that the error names, from the table of the check on: ``"control.ts"``.
-    message : str
-        What is wrong and what is allowed.
-
-    Returns
-    -------
-    PydanticCustomError
-        A validator of a table raises it.
-    """
+    """The error of a check over several keys, for a validator; `key` is ``"control.ts"``."""
     return PydanticCustomError("across_keys", "{key}: {message}", {"key": key, "message": message})
 
 
 def number(low: float, high: float, unit: str) -> Any:
-    """Annotate a finite number with its closed range and, in words, what is allowed.
-
-    Parameters
-    ----------
-    low, high : float
-        Least and largest value, in `unit`.
-    unit : str
-        Name of the unit; empty for a plain number.
-
-    Returns
-    -------
-    Any
-        The annotation of a key.
-    """
+    """Annotate a finite number with its closed range, its unit and, in words, what is allowed."""
     words = f"a number from {low:g} to {high:g} {unit}".rstrip()
     return Annotated[
         float, Field(strict=True, ge=low, le=high, allow_inf_nan=False, description=words)
@@ -72,37 +46,13 @@ def number(low: float, high: float, unit: str) -> Any:
 
 
 def integer(low: int, high: int) -> Any:
-    """Annotate an integer with its closed range and, in words, what is allowed.
-
-    Parameters
-    ----------
-    low, high : int
-        Least and largest value.
-
-    Returns
-    -------
-    Any
-        The annotation of a key.
-    """
+    """Annotate an integer with its closed range and, in words, what is allowed."""
     words = f"an integer from {low} to {high}"
     return Annotated[int, Field(strict=True, ge=low, le=high, description=words)]
 
 
 def to_start(low: float, high: float, unit: str) -> Any:
-    """Annotate a number that a file may leave out, but without which something cannot be started.
-
-    Parameters
-    ----------
-    low, high : float
-        Least and largest value, in `unit`.
-    unit : str
-        Name of the unit.
-
-    Returns
-    -------
-    Any
-        The annotation of a key whose default is None.
-    """
+    """Annotate a number that a file may leave out, but that something needs to start."""
     words = f"a number from {low:g} to {high:g} {unit}"
     return Annotated[
         float | None, Field(strict=True, ge=low, le=high, allow_inf_nan=False, description=words)
@@ -110,18 +60,7 @@ def to_start(low: float, high: float, unit: str) -> Any:
 
 
 def auto_or(value: Any) -> Any:
-    """Annotate a key that holds a number of its own, or "auto" for one that follows from the drive.
-
-    Parameters
-    ----------
-    value : Any
-        Annotation of the number, of `number` or `integer`.
-
-    Returns
-    -------
-    Any
-        The annotation of a key.
-    """
+    """Annotate a key that holds a number, or "auto" for one that follows from the drive."""
     words = next(m.description for m in value.__metadata__ if isinstance(m, FieldInfo))
     return Annotated[
         value,
@@ -139,36 +78,14 @@ def _kind(given: Any, first: str) -> str:
 
 
 def one_of(kinds: Mapping[str, type]) -> Any:
-    """Annotate a table whose keys depend on its key `type`.
-
-    Parameters
-    ----------
-    kinds : mapping of str to type
-        Table by type; the first one where the key is left out.
-
-    Returns
-    -------
-    Any
-        The annotation of a table.
-    """
+    """Annotate a table whose keys depend on its key `type`."""
     first = next(iter(kinds))
     tagged = tuple(Annotated[table, Tag(name)] for name, table in kinds.items())
     return Annotated[Union[tagged], Discriminator(lambda given: _kind(given, first))]  # noqa: UP007
 
 
 def kinds_of(annotation: Any) -> dict[str, Any]:
-    """Tables of a key of `one_of`.
-
-    Parameters
-    ----------
-    annotation : any
-        Of the key, as pydantic has it.
-
-    Returns
-    -------
-    dict
-        Table by type; empty for any other key.
-    """
+    """Tables by type of a key of `one_of`; empty for any other key."""
     found = {}
     for member in get_args(annotation):
         for mark in getattr(member, "__metadata__", ()):
@@ -203,13 +120,7 @@ class GuardTable(Section):
     frozen: integer(0, 255) = 20
 
     def missing(self) -> list[str]:
-        """What has to be added to the file before its drive can be started.
-
-        Returns
-        -------
-        list of str
-            A sentence for each key: what is missing, what is allowed; empty where nothing is.
-        """
+        """A sentence for each key that has to be added before the drive can be started."""
         return [
             f"guard.{name}: missing; it must be {allowed(type(self), name)}"
             for name in keys_of(type(self))
@@ -223,21 +134,8 @@ class AnyDrive(Section):
     def changed(self, **tables: Mapping[str, Any]) -> Self:
         """Make the same drive with other values, checked as a drive file is.
 
-        Parameters
-        ----------
-        **tables : mapping
-            Name of a table of the drive file (`machine`, `inverter`, `control`, ...) to the keys
-            to change: ``drive.changed(machine={"rs": 0.006}, control={"horizon": 20})``.
-
-        Returns
-        -------
-        Drive or MptcDrive
-            A new drive; this one stays as it is.
-
-        Raises
-        ------
-        DriveError
-            If a table or key is unknown or a value is not allowed; names key and allowed range.
+        ``drive.changed(machine={"rs": 0.006}, control={"horizon": 20})``. DriveError names key and
+        range.
         """
         data: dict[str, Any] = {}
         for name in keys_of(type(self)):
@@ -254,23 +152,7 @@ class AnyDrive(Section):
         return validated(type(self), data)
 
     def with_control(self, **keys: Any) -> Self:
-        """Make the same drive with other keys of its table `control`.
-
-        Parameters
-        ----------
-        **keys : any
-            Keys of the table, in the drive file's units: ``drive.with_control(horizon=20)``.
-
-        Returns
-        -------
-        Drive or MptcDrive
-            A new drive; this one stays as it is.
-
-        Raises
-        ------
-        DriveError
-            As `changed`.
-        """
+        """Make the same drive with other keys of `control`: ``drive.with_control(horizon=20)``."""
         return self.changed(control=keys)
 
 
@@ -278,18 +160,7 @@ DriveModel = TypeVar("DriveModel", bound=AnyDrive)
 
 
 def described(value: Any) -> str:
-    """Show a value as a TOML user knows it.
-
-    Parameters
-    ----------
-    value : any
-        What a TOML reader returned.
-
-    Returns
-    -------
-    str
-        40 characters at most.
-    """
+    """Show a value as a TOML user knows it, 40 characters at most."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, dict):
@@ -305,41 +176,12 @@ def described(value: Any) -> str:
 
 
 def keys_of(table: Any) -> dict[str, FieldInfo]:
-    """Keys of a table.
-
-    Parameters
-    ----------
-    table : any
-        The class of a table, or anything else.
-
-    Returns
-    -------
-    dict of FieldInfo
-        Pydantic's description of each key, by name; empty if `table` is no table.
-    """
+    """Keys of a table by name, as pydantic describes them; empty for what is no table."""
     return getattr(table, "__pydantic_fields__", {})
 
 
 def allowed(table: type, key: str) -> str:
-    """What a key of a table may be, in words.
-
-    Parameters
-    ----------
-    table : type
-        Class of the table.
-    key : str
-        One of its keys.
-
-    Returns
-    -------
-    str
-        Range and unit, or the choices.
-
-    Raises
-    ------
-    KeyError
-        If the table has no such key.
-    """
+    """Range and unit, or choices, of a key of a table; KeyError if it has no such key."""
     field = keys_of(table)[key]
     if field.description:
         return field.description
@@ -382,25 +224,9 @@ def _explain(model: type[BaseModel], error: Any) -> str:
 
 
 def validated(model: type[DriveModel], data: Any) -> DriveModel:
-    """Validate the tables of a drive.
+    """The drive of tables as a TOML reader returns them.
 
-    Parameters
-    ----------
-    model : class
-        Class of the drive.
-    data : any
-        Tables as a TOML reader returns them.
-
-    Returns
-    -------
-    Drive or MptcDrive
-        The drive, as `model` is.
-
-    Raises
-    ------
-    DriveError
-        If a key is unknown, missing, of the wrong type or out of range; names key and allowed
-        range.
+    DriveError names the key that is unknown, missing, of the wrong type or out of range.
     """
     try:
         return model.model_validate(data)

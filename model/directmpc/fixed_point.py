@@ -15,59 +15,24 @@ from directmpc.compiled import njit
 
 @dataclass(frozen=True)
 class Format:
-    """A fixed-point word.
+    """A fixed-point word."""
 
-    Attributes
-    ----------
-    width : int
-        Bits, sign included.
-    signed : bool
-        Two's complement when true.
-    scale : float
-        LSB per unit (per unit system unless said otherwise).
-    """
-
-    width: int
-    signed: bool
-    scale: float
+    width: int  # Bits, sign included
+    signed: bool  # Two's complement when true
+    scale: float  # LSB per unit (per unit system unless said otherwise)
 
     @property
     def low(self) -> int:
-        """Smallest integer the encoder produces (the most negative code is never used).
-
-        Returns
-        -------
-        int
-            LSB.
-        """
+        """Smallest integer the encoder produces (the most negative code is never used)."""
         return -(2 ** (self.width - 1) - 1) if self.signed else 0
 
     @property
     def high(self) -> int:
-        """Largest integer of the word.
-
-        Returns
-        -------
-        int
-            LSB.
-        """
+        """Largest integer of the word."""
         return 2 ** (self.width - self.signed) - 1
 
     def encode(self, value: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Round half to even and saturate.
-
-        Parameters
-        ----------
-        value : array_like
-            Real values in units, any shape, finite.
-
-        Returns
-        -------
-        integers : ndarray of int64, same shape
-            LSB, from `low` to `high`.
-        saturated : ndarray of bool, same shape
-            True where the value lay outside the word.
-        """
+        """Round half to even and saturate: words in LSB, and where a value did not fit."""
         wide = np.rint(np.asarray(value, dtype=np.float64) * self.scale)
         clipped = np.clip(wide, self.low, self.high)
         return clipped.astype(np.int64), wide != clipped
@@ -75,22 +40,7 @@ class Format:
 
 @njit
 def saturate(value, width):
-    """Limit a number to a signed word.
-
-    Parameters
-    ----------
-    value : int
-        Any number, LSB of the word.
-    width : int
-        Bits of the word, sign included.
-
-    Returns
-    -------
-    word : int
-        The number, or the end of the range that it lies beyond.
-    saturated : int
-        1 where the number did not fit, else 0.
-    """
+    """Limit a number to a signed word of `width` bits; the word, and 1 where it saturated."""
     high = (1 << (width - 1)) - 1
     if value > high:
         return high, 1
@@ -101,40 +51,15 @@ def saturate(value, width):
 
 @njit
 def rounded(total, shift, width):
-    """Round a sum of products to a signed word: half a LSB goes up, what does not fit saturates.
+    """Round a sum to a word: half a LSB goes up; the word, and 1 where it saturated.
 
-    Parameters
-    ----------
-    total : int
-        Sum with ``shift`` fractional bits below the word's LSB.
-    shift : int
-        At least 1.
-    width : int
-        Bits of the word, sign included.
-
-    Returns
-    -------
-    word, saturated : int
-        As ``saturate``.
+    `shift`: fractional bits below the word's LSB, at least 1.
     """
     return saturate((total + (1 << (shift - 1))) >> shift, width)
 
 
 def limits(formats: list[Format]) -> tuple[NDArray[np.float64], ...]:
-    """Scales, lowest and highest words of formats as arrays, as ``encode_row`` takes them.
-
-    Parameters
-    ----------
-    formats : list of Format
-        One for each of n signals.
-
-    Returns
-    -------
-    scales : ndarray of float64, shape (n,)
-        LSB per unit.
-    lows, highs : ndarray of float64, shape (n,)
-        ``Format.low`` and ``Format.high``, LSB.
-    """
+    """Scales (LSB per unit), lowest and highest words of n formats, for ``encode_row``."""
     return (
         np.array([fmt.scale for fmt in formats]),
         np.array([fmt.low for fmt in formats], dtype=np.float64),
@@ -144,22 +69,7 @@ def limits(formats: list[Format]) -> tuple[NDArray[np.float64], ...]:
 
 @njit
 def encode_row(real, scales, lows, highs):
-    """Quantise one value of each of n signals: ``Format.encode`` in compiled code.
-
-    Parameters
-    ----------
-    real : ndarray of float64, shape (n,)
-        Values in units.
-    scales, lows, highs : ndarray of float64, shape (n,)
-        From ``limits``.
-
-    Returns
-    -------
-    words : ndarray of int64, shape (n,)
-        LSB of each signal's word.
-    clipped : int
-        1 where a value lay outside its word.
-    """
+    """``Format.encode`` in compiled code, one value of each of n signals; 1 where one saturated."""
     words = np.empty(len(real), dtype=np.int64)
     clipped = 0
     for n in range(len(real)):

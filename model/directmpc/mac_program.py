@@ -18,81 +18,46 @@ SUM_LATENCY = 3
 
 @dataclass(frozen=True)
 class Word:
-    """A word that a product can take, or a seed that a sum can begin with.
+    """A word that a product can take, or a seed that a sum can begin with."""
 
-    Attributes
-    ----------
-    place : str
-        Its place on the multiplexer. Two words may have the same place at different times.
-    reads : mapping of str to int
-        Registers it is made of, and how often each has been written in the step before it is read.
-        Registers that are not named hold still during a step.
-    """
-
-    place: str
+    place: str  # Its place on the multiplexer. Two words may have the same place at different times
+    # Registers it is made of, and how often each has been written in the step before it is read.
+    # Registers that are not named hold still during a step.
     reads: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Product:
-    """One product.
+    """One product."""
 
-    Attributes
-    ----------
-    clock : int
-        Clock in which it is issued.
-    a, b : str
-        Words of operands A and B.
-    seed : str
-        Seed that the sum begins with; empty: the product is added to the sum so far.
-    result : str
-        Register that takes the sum with this product as its last; empty: the sum goes on.
-    alignment : int
-        Steps of alignment of the product.
-    """
-
-    clock: int
+    clock: int  # Clock in which it is issued
+    # a, b: Words of operands A and B.
     a: str
     b: str
-    seed: str = ""
+    seed: str = ""  # Seed that the sum begins with; empty: the product is added to the sum so far
+    # Register that takes the sum with this product as its last; empty: the sum goes on.
     result: str = ""
-    alignment: int = 0
+    alignment: int = 0  # Steps of alignment of the product
 
 
 @dataclass(frozen=True)
 class Program:
-    """A step of an observer.
+    """A step of an observer."""
 
-    Attributes
-    ----------
-    a, b, seeds : mapping of str to Word
-        Words of both operands and seeds, in the order of their places.
-    products : tuple of Product
-        In the order of their clocks.
-    actions : mapping of str to int
-        What is written without a sum, and the clock in which it is.
-    valid_after : int
-        Clock in which the last output is written; ``valid`` is high in the next one.
-    last : int
-        Last clock in which the step is under way.
-    """
-
+    # a, b, seeds: Words of both operands and seeds, in the order of their places.
     a: Mapping[str, Word]
     b: Mapping[str, Word]
     seeds: Mapping[str, Word]
-    products: tuple[Product, ...]
-    actions: Mapping[str, int]
-    valid_after: int
-    last: int
+    products: tuple[Product, ...]  # In the order of their clocks
+    actions: Mapping[str, int]  # What is written without a sum, and the clock in which it is
+    valid_after: int  # Clock in which the last output is written; ``valid`` is high in the next one
+    last: int  # Last clock in which the step is under way
 
     @property
     def events(self) -> dict[str, int]:
         """Name -> clock in which it is written; sums in the order of products, then actions.
 
-        Returns
-        -------
-        dict of str to int
-            Sums are written SUM_LATENCY clocks after their last product.
+        Sums are written SUM_LATENCY clocks after their last product.
         """
         sums = {p.result: p.clock + SUM_LATENCY for p in self.products if p.result}
         return sums | dict(self.actions)
@@ -101,29 +66,17 @@ class Program:
     def latency(self) -> int:
         """Clocks from the edge that accepts ``start`` to the one that samples ``valid``.
 
-        Returns
-        -------
-        int
-            Clocks, one more than to the clock in which ``valid`` is high.
+        One more than to the clock in which ``valid`` is high.
         """
         return self.valid_after + 2
 
     def check(self, updates: Mapping[str, tuple[str, ...]]) -> None:
-        """Raise ValueError where the program contradicts itself.
+        """Raise ValueError, with clock and word, where the program contradicts itself.
 
         One product a clock, words and seeds that exist, sums that have a beginning and an end, no
         register read before it has been written as often as the word says, or once more, and
-        nothing written after the end.
-
-        Parameters
-        ----------
-        updates : mapping of str to tuple of str
-            Registers that an action writes. A sum writes the register of its name.
-
-        Raises
-        ------
-        ValueError
-            Naming the clock and the word that contradict.
+        nothing written after the end. `updates` are registers that an action writes; a sum writes
+        the register of its name.
         """
         writes: dict[str, list[int]] = {}
         for name, clock in self.events.items():
@@ -166,32 +119,10 @@ class Program:
 
 
 def places(words: Mapping[str, Word]) -> tuple[str, ...]:
-    """Places of a multiplexer in order, each once.
-
-    Parameters
-    ----------
-    words : mapping of str to Word
-        Words of one operand, or seeds.
-
-    Returns
-    -------
-    tuple of str
-        In the order in which `words` names them.
-    """
+    """Places of a multiplexer in order, each once."""
     return tuple(dict.fromkeys(word.place for word in words.values()))
 
 
 def plain(*names: str) -> dict[str, Word]:
-    """Words that hold still during a step: inputs and parameters.
-
-    Parameters
-    ----------
-    *names : str
-        Inputs and parameters; each is its own place.
-
-    Returns
-    -------
-    dict of str to Word
-        Name to a word that reads no register.
-    """
+    """Words that hold still during a step: inputs and parameters."""
     return {name: Word(name) for name in names}

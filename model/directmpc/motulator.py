@@ -28,18 +28,7 @@ from directmpc.states import Controller
 
 
 def machine_parameters(drive: MptcDrive) -> InductionMachinePars:
-    """motulator's parameters of a drive's machine (T circuit to inverse-Gamma to Gamma).
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Its machine counts.
-
-    Returns
-    -------
-    InductionMachinePars
-        Gamma model.
-    """
+    """motulator's Gamma model of a drive's machine (T circuit to inverse-Gamma to Gamma)."""
     m = drive.machine
     magnetising = m.lm * m.lm / m.lr
     inverse_gamma = InductionMachineInvGammaPars(
@@ -55,19 +44,7 @@ def machine_parameters(drive: MptcDrive) -> InductionMachinePars:
 class Plant:
     """motulator's drive in a scenario's first state; moves on one control period at a time.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Machine and dc-link voltage.
-    scenario : Scenario
-        First state, and the load over time.
-    inertia : float
-        kg*m^2; infinite: the speed is imposed.
-
-    Attributes
-    ----------
-    model : motulator.drive.model.Drive
-        Machine, converter and mechanics.
+    With infinite inertia (kg*m^2) the speed is imposed.
     """
 
     def __init__(self, drive: MptcDrive, scenario: Scenario, inertia: float = math.inf) -> None:
@@ -101,36 +78,16 @@ class Plant:
         return self._ts, STATES[self._last].tolist()
 
     def state(self) -> tuple[complex, complex, float]:
-        """State of the plant.
-
-        Returns
-        -------
-        current, flux : complex
-            Stator current (A) and stator flux linkage (Wb).
-        omega_r : float
-            Electrical speed, rad/s.
-        """
+        """Stator current (A), stator flux linkage (Wb) and electrical speed (rad/s)."""
         self.model.mechanics.set_outputs(self.model.t0)
         mechanical = float(np.real(self.model.mechanics.out.w_M))
         machine = self.model.machine
         return complex(machine.i_ss), complex(machine.state.psi_ss), mechanical * self._pole_pairs
 
     def switch(self, *given: Any) -> tuple[complex, complex, float, int]:
-        """Apply a vector for a period, in the place of the loop's own plant.
+        """Apply a vector for a period: A, Wb, rad/s at k+1, and the switches that have changed.
 
-        Parameters
-        ----------
-        *given : any
-            As `mptc.closed_loop` hands out; of `applied` the first vector counts.
-
-        Returns
-        -------
-        current, flux : complex
-            At k+1, A and Wb.
-        omega_r : float
-            At k+1, rad/s.
-        changes : int
-            Switches that have changed.
+        In the place of the plant of `mptc.closed_loop`; of `applied` the first vector counts.
         """
         *_, i, psi, _omega, applied, _load, current, made = given
         current[0] = i
@@ -151,31 +108,9 @@ def simulate(
 ) -> Run:
     """Run a closed loop around motulator's plant.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        What the controller knows and the plant is.
-    scenario : Scenario
-        References, load and first state.
-    controller : str or Controller
-        "model" for the bit-true twin, "ideal" for float64, or an object with the method `decide` of
-        `directmpc.Controller`. It is asked once per control period, with an `MptcState`.
-    inertia : float
-        kg*m^2; infinite: the speed is imposed.
-    errors : MptcErrors
-        Of the current measurement; none unless given.
-
-    Returns
-    -------
-    Run
-        As our own plant's, `closed_loop.simulate`.
-
-    Raises
-    ------
-    StateError
-        If an answer is no decision.
-    ValueError
-        If there is no such engine, or the method applies several vectors a period.
+    The controller is "model", "ideal", or a `directmpc.Controller`, asked once a period with an
+    `MptcState`. With infinite inertia (kg*m^2) the speed is imposed. StateError if an answer is no
+    decision; ValueError for an engine that there is not, or a method of several vectors.
     """
     if drive.control.sequences:
         raise ValueError(f"control.method: got {drive.control.method}; motulator takes one vector")

@@ -19,20 +19,7 @@ class OutputError(ValueError):
 
 
 def check_output(out: Path, *inputs: Path) -> None:
-    """Find out that an output can be written before the work begins; what stands there stays.
-
-    Parameters
-    ----------
-    out : Path
-        File to write or to replace.
-    *inputs : Path
-        Files that are read.
-
-    Raises
-    ------
-    OutputError
-        If `out` cannot be written, is no ordinary file or is one of the `inputs`.
-    """
+    """OutputError where `out` cannot be written, is no ordinary file or is an input; it stays."""
     folder = out.parent
     if not folder.is_dir():
         raise OutputError(f"{out}: there is no folder {folder}; one that exists is needed")
@@ -51,18 +38,7 @@ def check_output(out: Path, *inputs: Path) -> None:
 
 
 def check_folder(out: Path) -> None:
-    """Find out that a folder of results can be made or filled before the work begins.
-
-    Parameters
-    ----------
-    out : Path
-        Folder that is there, or is to be made in one that is.
-
-    Raises
-    ------
-    OutputError
-        If it can be neither.
-    """
+    """OutputError where a folder of results can be neither made nor filled."""
     if not out.exists() and not out.parent.is_dir():
         raise OutputError(f"{out}: there is no folder {out.parent}; one that exists is needed")
     if out.exists() and not out.is_dir():
@@ -72,20 +48,7 @@ def check_folder(out: Path) -> None:
 
 
 def check_suffix(out: Path, suffix: str) -> None:
-    """Refuse a name that promises another format than the one that is written.
-
-    Parameters
-    ----------
-    out : Path
-        File to write.
-    suffix : str
-        Of the only format there is, ".png" for instance.
-
-    Raises
-    ------
-    OutputError
-        If the name ends in another suffix, or in none.
-    """
+    """OutputError for a name that does not end in the only format, ".png" for instance."""
     if out.suffix.lower() != suffix:
         raise OutputError(
             f"{out}: {suffix[1:].upper()} is written; a name that ends in {suffix} is needed"
@@ -106,22 +69,8 @@ def _is_of(error: OSError, path: Path) -> bool:
 def replacing(out: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary file beside `out` that becomes `out` only when the block succeeds.
 
-    A link stays, what it points at is replaced; devices and pipes are refused.
-
-    Parameters
-    ----------
-    out : str or path
-        The file that is to be written, in a folder that exists.
-
-    Yields
-    ------
-    Path
-        The temporary file, empty, in the same folder and with the same suffix.
-
-    Raises
-    ------
-    OutputError
-        If `out` is there and is no ordinary file, or it cannot be written; nothing is left then.
+    A link stays, what it points at is replaced. OutputError for devices and pipes, or if it cannot
+    be written; nothing is left then.
     """
     target = Path(out).resolve()
     if target.exists() and not target.is_file():

@@ -7,29 +7,10 @@ from directmpc.compiled import njit
 
 @njit
 def speed_pi(proportional, rate, weight, ts, total, wanted, speed, limit):
-    """One step of a PI controller whose integral stands still while the torque is limited.
+    """One step of a PI controller, its integral held while limited: torque, and the integral.
 
-    Parameters
-    ----------
-    proportional, rate : float
-        Gains: torque per speed, torque per speed and second.
-    weight : float
-        Of the reference in the proportional part; below 1 a step overshoots less.
-    ts : float
-        Control period, s.
-    total : float
-        Integral so far.
-    wanted, speed : float
-        Speed reference and speed.
-    limit : float
-        Largest torque.
-
-    Returns
-    -------
-    torque : float
-        From -limit to limit.
-    total : float
-        Integral from now on.
+    `weight` is that of the reference in the proportional part; below 1 a step overshoots less.
+    `rate` is torque per speed and second, `ts` in s.
     """
     direct = proportional * (weight * wanted - speed)
     if abs(direct + total) < limit:

@@ -89,25 +89,7 @@ def _three(name: str, value: Any, needed: str) -> tuple[Any, Any, Any]:
 
 
 def three_positions(name: str, value: Any) -> tuple[int, int, int]:
-    """Check the positions of the three phases.
-
-    Parameters
-    ----------
-    name : str
-        What the value is called in an error.
-    value : any
-        What a caller gave.
-
-    Returns
-    -------
-    s_a, s_b, s_c : int
-        0..7.
-
-    Raises
-    ------
-    StateError
-        If there are not three integers from 0 to 7.
-    """
+    """Positions of three phases; StateError, which says `name`, unless integers from 0 to 7."""
     a, b, c = _three(name, value, "three switch positions, 0 to 7,")
     return _position(f"{name}[0]", a), _position(f"{name}[1]", b), _position(f"{name}[2]", c)
 
@@ -128,25 +110,7 @@ def _sequence(name: str, value: Any) -> VectorSequence:
 
 
 def vector_or_sequence(name: str, value: Any) -> int | VectorSequence:
-    """Check what a two-level inverter applies in a period.
-
-    Parameters
-    ----------
-    name : str
-        What the value is called in an error.
-    value : any
-        Number of a vector, or u1, u2, u3, t1, t2.
-
-    Returns
-    -------
-    int or VectorSequence
-        The number, or the sequence.
-
-    Raises
-    ------
-    StateError
-        If it is neither; the message says what is needed.
-    """
+    """A vector's number or u1, u2, u3, t1, t2 as a sequence; StateError for anything else."""
     if hasattr(value, "__len__") and not isinstance(value, str):
         return _sequence(name, value)
     return _position(name, value)
@@ -402,25 +366,7 @@ class Controller(Protocol):
 
 
 def mpdcc_decision(answer: Any, step: int) -> MpdccDecision:
-    """Check what an MPDCC controller answered.
-
-    Parameters
-    ----------
-    answer : MpdccDecision or sequence of 3 ints
-        The decision, or its positions alone.
-    step : int
-        Number of the step, for the message.
-
-    Returns
-    -------
-    MpdccDecision
-        The answer itself, or one with no flag set.
-
-    Raises
-    ------
-    StateError
-        If it has not three positions from 0 to 7.
-    """
+    """An MPDCC controller's answer, or its positions alone, as a decision; else StateError."""
     name = f"step {step}: decision"
     if isinstance(answer, MpdccDecision):
         three_positions(name, answer.apply)
@@ -429,25 +375,7 @@ def mpdcc_decision(answer: Any, step: int) -> MpdccDecision:
 
 
 def mptc_decision(answer: Any, step: int) -> MptcDecision:
-    """Check what an MPTC controller answered.
-
-    Parameters
-    ----------
-    answer : MptcDecision, int or VectorSequence
-        The decision, or what it holds in `apply` alone.
-    step : int
-        Number of the step, for the message.
-
-    Returns
-    -------
-    MptcDecision
-        The answer itself, or one with no flag set.
-
-    Raises
-    ------
-    StateError
-        If a vector's number is not from 0 to 7, or a time not from 0 to 1.
-    """
+    """An MPTC controller's answer, or its `apply` alone, as a decision; else StateError."""
     name = f"step {step}: decision"
     if isinstance(answer, MptcDecision):
         vector_or_sequence(name, answer.apply)
@@ -458,17 +386,7 @@ def mptc_decision(answer: Any, step: int) -> MptcDecision:
 def ramped(state: State, share: float) -> State:
     """A state with a part of its reference: the current of MPDCC, the torque of MPTC.
 
-    Parameters
-    ----------
-    state : MpdccState or MptcState
-        With the whole reference.
-    share : float
-        1 leaves it as it is, 0 asks for none.
-
-    Returns
-    -------
-    MpdccState or MptcState
-        The flux reference of MPTC stays.
+    `share` is from 0 to 1; the flux reference of MPTC stays.
     """
     if isinstance(state, MpdccState):
         return replace(state, current_ref=share * state.current_ref)

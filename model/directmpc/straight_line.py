@@ -28,15 +28,7 @@ OPERATIONS: dict[str, Callable[..., float]] = {
 def operation(function: Callable[..., float]) -> Callable[..., float]:
     """A function of numbers that a program has as one operation, whatever happens in it.
 
-    Parameters
-    ----------
-    function : callable
-        Numbers to a number; controller.cpp has it by its name.
-
-    Returns
-    -------
-    callable
-        The same.
+    controller.cpp has it by its name.
     """
     name = function.__name__
     OPERATIONS[name] = function
@@ -55,18 +47,7 @@ def operation(function: Callable[..., float]) -> Callable[..., float]:
 
 @operation
 def least(*values: float) -> float:
-    """The least of some numbers.
-
-    Parameters
-    ----------
-    *values : float
-        One at least.
-
-    Returns
-    -------
-    float
-        One of them.
-    """
+    """The least of some numbers."""
     return min(values)
 
 
@@ -79,35 +60,16 @@ _WIDEST, _HALVINGS = 10.0, 20
 
 @dataclass
 class Program:
-    """Operations on values of keys.
+    """Operations on values of keys."""
 
-    Attributes
-    ----------
-    nodes : list of tuple
-        ("value", number), ("of", key) or (operation, node, ...): each may use those before it.
-    checks : list of tuple
-        (comparison, node, node, outcome).
-    words : dict of int
-        Register to the node of its word.
-    """
-
+    # ("value", number), ("of", key) or (operation, node, ...): each may use those before it.
     nodes: list[tuple[Any, ...]] = field(default_factory=list)
+    # (comparison, node, node, outcome).
     checks: list[tuple[str, int, int, bool]] = field(default_factory=list)
-    words: dict[str, int] = field(default_factory=dict)
+    words: dict[str, int] = field(default_factory=dict)  # Register to the node of its word
 
     def place(self, *node: Any) -> int:
-        """Number of a node, a new one if need be.
-
-        Parameters
-        ----------
-        *node : Any
-            As one of `nodes`.
-
-        Returns
-        -------
-        int
-            Its place there.
-        """
+        """Number of a node of `nodes`, a new one if need be."""
         if node not in self._places:
             self._places[node] = len(self.nodes)
             self.nodes.append(node)
@@ -117,18 +79,7 @@ class Program:
         self._places: dict[tuple[Any, ...], int] = {}
 
     def run(self, values: Mapping[str, float]) -> dict[str, float] | None:
-        """Words for values of the keys.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            Of every key.
-
-        Returns
-        -------
-        dict of float or None
-            Register to its word; None where a comparison turns out otherwise.
-        """
+        """Words for values of the keys; None where a comparison turns out otherwise."""
         found: list[float] = []
         try:
             for what, *rest in self.nodes:
@@ -145,17 +96,9 @@ class Program:
         return {name: found[node] for name, node in self.words.items()}
 
     def lines(self, addresses: Mapping[str, tuple[int, int, int, int]]) -> list[str]:
-        """The program for controller.cpp.
+        """The program for controller.cpp: lines `let`, `hold` and `compute`.
 
-        Parameters
-        ----------
-        addresses : mapping
-            Register to its address, least and most value, and mask.
-
-        Returns
-        -------
-        list of str
-            Lines `let`, `hold` and `compute`.
+        `addresses`: register to its address, least and most value, and mask.
         """
         rows = [f"let {what} {' '.join(map(str, rest))}" for what, *rest in self.nodes]
         rows += [f"hold {c} {a} {b} {int(so)}" for c, a, b, so in self.checks]
@@ -240,20 +183,7 @@ _give_operators()
 def noted(
     given: Mapping[str, float], make: Callable[[Mapping[str, float]], Mapping[str, Any]]
 ) -> Program:
-    """The program of a function.
-
-    Parameters
-    ----------
-    given : mapping of str to float
-        Keys and their values.
-    make : callable
-        Makes words of such values, by register.
-
-    Returns
-    -------
-    Program
-        With the words that depend on a key.
-    """
+    """The program of a function that makes words by register; with those that depend on a key."""
     program = Program()
     numbers = {k: _Noted(v, program, program.place("of", k)) for k, v in given.items()}
     made = make(numbers)
@@ -308,23 +238,8 @@ def of_keys(
 ) -> tuple[Program, dict[str, tuple[float, float]]]:
     """The program of those keys that it can have, and how far each may go by itself.
 
-    Parameters
-    ----------
-    given : mapping of str to float
-        Keys and their values.
-    allowed : mapping of str to (float, float)
-        Least and most value of each.
-    make : callable
-        Makes words of values, by register; a ValueError where they fit no register.
-    others : callable
-        What else follows from values; a key that changes it is dropped.
-
-    Returns
-    -------
-    program : Program
-        Of the keys that are left.
-    ranges : dict of (float, float)
-        Least and most value of each of them, the others as they are.
+    `make` raises ValueError where values fit no register. A key that changes one of `others` is
+    dropped. Ranges (least, most) hold with the others as they are.
     """
     rng = random.Random(1)
     fixed, rest = make(given), others(given)

@@ -16,20 +16,7 @@ from directmpc.states import Decision, State
 
 
 def check_engine(engine: Any, variant: Any) -> None:
-    """Refuse an engine or a variant that there is not.
-
-    Parameters
-    ----------
-    engine : any
-        What a caller gave; one of `ENGINES`.
-    variant : any
-        What a caller gave; "fast" or "paper".
-
-    Raises
-    ------
-    ValueError
-        If there is none of this name; the message says which there are.
-    """
+    """ValueError for an engine or a variant that there is not; it says which there are."""
     for name, value, known in (("engine", engine, ENGINES), ("variant", variant, VARIANTS)):
         if not isinstance(value, str) or value not in known:
             allowed = " or ".join(f'"{one}"' for one in known)
@@ -37,27 +24,7 @@ def check_engine(engine: Any, variant: Any) -> None:
 
 
 def served_by(drive: Drive | KbestDrive | MptcDrive, engine: str) -> Kind:
-    """The kind of a drive, which has to have an engine.
-
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        Whose controller it is.
-    engine : str
-        One of `ENGINES`.
-
-    Returns
-    -------
-    Kind
-        Of the drive.
-
-    Raises
-    ------
-    TypeError
-        If it is no drive.
-    ValueError
-        If its controller does not have the engine.
-    """
+    """The kind of a drive; TypeError if it is none, ValueError if it has no such engine."""
     kind = kind_of(drive)
     if engine not in kind.engines:
         allowed = " and ".join(f'"{one}"' for one in kind.engines)
@@ -66,26 +33,9 @@ def served_by(drive: Drive | KbestDrive | MptcDrive, engine: str) -> Kind:
 
 
 def state_of(drive: Drive | KbestDrive | MptcDrive, state: State | Mapping[str, Any]) -> State:
-    """Check that a state is one of the drive's kind; a row of a trace becomes one.
+    """A state of the drive's kind (per unit or SI), or one made of a row of its trace file.
 
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        What the state is of.
-    state : MpdccState, MptcState or mapping
-        Per unit or SI, as the drive's kind is; or the names of the trace file's columns to values.
-
-    Returns
-    -------
-    MpdccState or MptcState
-        The state itself, or one made of the row.
-
-    Raises
-    ------
-    TypeError
-        If it is neither; the message says what is needed.
-    StateError
-        If a row lacks a column or a value is impossible.
+    TypeError if it is neither; StateError if a row lacks a column or a value is impossible.
     """
     wanted = kind_of(drive).state
     if isinstance(state, wanted):
@@ -302,28 +252,9 @@ class RtlController:
 def compiled_controller(
     drive: Drive | KbestDrive | MptcDrive, engine: str, variant: str
 ) -> tuple[Any, Any]:
-    """Compiled function of an engine and its parameters.
+    """Compiled `decide` of the engine "ideal" or "model" of a drive, and its first argument.
 
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        What it is set up for.
-    engine : str
-        "ideal" or "model".
-    variant : str
-        "fast" or "paper", for the model of MPDCC.
-
-    Returns
-    -------
-    decide : compiled function
-        With the arguments and results of `mpdcc.ideal.decide`, or of `mptc.ideal.decide`.
-    parameters
-        Its first argument.
-
-    Raises
-    ------
-    ValueError
-        If the controller has no such engine, or the model cannot represent the drive.
+    ValueError if there is no such engine, or the model cannot represent the drive.
     """
     return served_by(drive, engine).compiled(drive, engine, variant)
 
@@ -331,28 +262,10 @@ def compiled_controller(
 def make_controller(
     drive: Drive | KbestDrive | MptcDrive, engine: str = "ideal", variant: str = DEFAULT_VARIANT
 ) -> IdealController | ModelController | RtlController:
-    """Make the controller of an engine.
+    """The controller of an engine and, for MPDCC, a variant.
 
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        What it is set up for; of either kind.
-    engine : str
-        "ideal", "model" or "rtl".
-    variant : str
-        "fast" or "paper", for the model and the RTL of MPDCC.
-
-    Returns
-    -------
-    IdealController, ModelController or RtlController
-        Its `decide` takes one state at a time.
-
-    Raises
-    ------
-    TypeError
-        If `drive` is no drive.
-    ValueError
-        If there is no such engine or variant, or the model cannot represent the drive.
+    TypeError if `drive` is none; ValueError if there is no such engine, or the model cannot
+    represent it.
     """
     kind_of(drive)
     check_engine(engine, variant)

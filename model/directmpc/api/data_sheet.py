@@ -22,18 +22,7 @@ RPM = 2.0 * math.pi / 60.0
 
 
 def data_sheet(drive: Drive | KbestDrive | MptcDrive) -> list[Fact]:
-    """What a data sheet would say of a drive.
-
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        Of any kind.
-
-    Returns
-    -------
-    list of Fact
-        Per unit, with the SI value; SI alone for a drive of MPTC.
-    """
+    """What a data sheet would say of a drive, per unit with the SI value; SI alone for MPTC."""
     return _SHEETS[drive.controller](drive)
 
 

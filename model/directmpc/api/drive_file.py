@@ -102,23 +102,7 @@ def load_drive(path: str | os.PathLike[str]) -> Drive | KbestDrive | MptcDrive:
 
 
 def load_core_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
-    """Load the drive file of a controller that there is a core of.
-
-    Parameters
-    ----------
-    path : str or path
-        As of `load_drive`.
-
-    Returns
-    -------
-    Drive or MptcDrive
-        As the file's key `controller` says.
-
-    Raises
-    ------
-    DriveFileError
-        As `load_drive`, and if the file is one of K-best.
-    """
+    """Load a drive of a controller with a core; DriveFileError as `load_drive`, and for K-best."""
     drive = load_drive(path)
     if drive.controller == "kbest":
         raise DriveFileError(
@@ -129,23 +113,7 @@ def load_core_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
 
 
 def load_mpdcc_drive(path: str | os.PathLike[str]) -> Drive:
-    """Load the drive file of an MPDCC drive.
-
-    Parameters
-    ----------
-    path : str or path
-        As of `load_drive`.
-
-    Returns
-    -------
-    Drive
-        Per unit.
-
-    Raises
-    ------
-    DriveFileError
-        As `load_drive`, and if the file is one of another controller.
-    """
+    """Load an MPDCC drive, per unit; DriveFileError also for another controller."""
     drive = load_drive(path)
     if drive.controller != "mpdcc":
         raise DriveFileError(
@@ -155,23 +123,7 @@ def load_mpdcc_drive(path: str | os.PathLike[str]) -> Drive:
 
 
 def load_mptc_drive(path: str | os.PathLike[str]) -> MptcDrive:
-    """Load the drive file of an MPTC drive.
-
-    Parameters
-    ----------
-    path : str or path
-        As of `load_drive`.
-
-    Returns
-    -------
-    MptcDrive
-        SI.
-
-    Raises
-    ------
-    DriveFileError
-        As `load_drive`, and if the file is one of another controller.
-    """
+    """Load an MPTC drive, SI; DriveFileError also for another controller."""
     drive = load_drive(path)
     if drive.controller != "mptc":
         raise DriveFileError(

@@ -45,49 +45,18 @@ CURRENT_SHARE = 0.6
 
 @dataclass(frozen=True)
 class Course:
-    """What is asked of a drive over time.
+    """What is asked of a drive over time."""
 
-    Attributes
-    ----------
-    speed, load : callable
-        Rotor speed (electrical, pu or rad/s) and load torque (pu or N*m) at a time in s.
-    inertia : float
-        Inertia constant in s for a drive per unit, kg*m^2 for one of MPTC.
-    friction : float
-        Torque over speed: pu, or N*m*s of the mechanical speed.
-    flux : float or None
-        Flux reference, pu or Wb; the usual one if None.
-    standstill : bool
-        Whether the drive begins without flux and speed, else in its steady state.
-    """
-
+    # speed, load: Rotor speed (electrical, pu or rad/s) and load torque (pu or N*m) at a time in s.
     speed: Callable[[float], float]
     load: Callable[[float], float]
-    inertia: float
-    friction: float
-    flux: float | None
-    standstill: bool
+    inertia: float  # Inertia constant in s for a drive per unit, kg*m^2 for one of MPTC
+    friction: float  # Torque over speed: pu, or N*m*s of the mechanical speed
+    flux: float | None  # Flux reference, pu or Wb; the usual one if None
+    standstill: bool  # Whether the drive begins without flux and speed, else in its steady state
 
     def over(self, ts: float, steps: int) -> tuple[FloatArray, FloatArray]:
-        """Speed and load at each step.
-
-        Parameters
-        ----------
-        ts : float
-            Control period, s.
-        steps : int
-            How many.
-
-        Returns
-        -------
-        speed, load : ndarray of float64, shape (n,)
-            As the functions give them.
-
-        Raises
-        ------
-        ValueError
-            If one of them gives something that is no finite number.
-        """
+        """Speed and load at n steps of `ts` seconds; ValueError if one is no finite number."""
         found = []
         for name in ("speed", "load"):
             function = getattr(self, name)
@@ -195,26 +164,9 @@ class FieldOrientation:
 
 
 def scenario_of(drive: MptcDrive, course: Course, steps: int) -> mptc_loop.Scenario:
-    """A two-level drive's course with its outer loop.
+    """A two-level drive's course with speed controller, field weakening and limits.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        What the outer loop is set up for.
-    course : Course
-        Speed, load, inertia.
-    steps : int
-        Control steps.
-
-    Returns
-    -------
-    Scenario
-        With a speed controller, field weakening and limits.
-
-    Raises
-    ------
-    ValueError
-        If the load is beyond breakdown in a steady start.
+    ValueError if the load is beyond breakdown in a steady start.
     """
     c, pole_pairs = drive.control, drive.machine.pole_pairs
     speeds, loads = course.over(c.ts, steps)

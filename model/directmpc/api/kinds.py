@@ -70,55 +70,28 @@ class Units(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What a picture of a run says.
+    """What a picture of a run says."""
 
-    Attributes
-    ----------
-    title : str
-        Of the drive.
-    units : tuple of str
-        Of speed, torque, current and flux.
-    flux : str
-        Which flux it is.
-    right : tuple
-        Axes on the right: number of the picture's axis, unit, and its value of 1 on the left.
-    """
-
-    title: str
-    units: tuple[str, str, str, str]
-    flux: str
+    title: str  # Of the drive
+    units: tuple[str, str, str, str]  # Of speed, torque, current and flux
+    flux: str  # Which flux it is
+    # Axes on the right: number of the picture's axis, unit, and its value of 1 on the left.
     right: tuple[tuple[int, str, float], ...]
 
 
 class _Kind(Protocol):
-    """What there is of each kind of drive.
+    """What there is of each kind of drive."""
 
-    Attributes
-    ----------
-    state
-        Class of its states.
-    engines : tuple of str
-        Of its controller, of `ENGINES`.
-    idle
-        A state without current and flux.
-    no_errors
-        Of sensors and switches.
-    sensorless : bool
-        Whether it can do without a speed sensor.
-    unit : str
-        Of measurements, in words.
-    """
-
-    state: type[Any]
-    idle: Any
-    no_errors: Any
-    sensorless: bool
-    unit: str
+    state: type[Any]  # Class of its states
+    idle: Any  # A state without current and flux
+    no_errors: Any  # Of sensors and switches
+    sensorless: bool  # Whether it can do without a speed sensor
+    unit: str  # Of measurements, in words
 
     def formats(self, drive: Any) -> Mapping[str, Format]:
         """Formats of the core's measurement ports by name."""
 
-    engines: tuple[str, ...]
+    engines: tuple[str, ...]  # Of its controller, of `ENGINES`
 
     def ts(self, drive: Any) -> float:
         """Control period in the unit of the drive file's frequencies."""
@@ -474,23 +447,7 @@ KINDS: dict[str, Kind] = {
 
 
 def kind_of(drive: Any) -> Kind:
-    """The kind of a drive.
-
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        What a caller gave as a drive.
-
-    Returns
-    -------
-    Kind
-        With the methods for it.
-
-    Raises
-    ------
-    TypeError
-        If it is no drive; the message says what it is and what makes one.
-    """
+    """The kind of a drive; TypeError says what it is and what makes one."""
     name = getattr(drive, "controller", None)
     if isinstance(drive, type) or not isinstance(name, str) or name not in KINDS:
         raise TypeError(f"drive: got a {type(drive).__name__}; load_drive makes what is needed")
@@ -529,25 +486,7 @@ def _applied(drive: MptcDrive, state: MptcState) -> int | VectorSequence:
 
 
 def mpdcc_row(drive: PerUnitDrive, state: MpdccState) -> MpdccTrace:
-    """A state as a trace of one row.
-
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        Gives v_dc where the state has none.
-    state : MpdccState
-        Per unit.
-
-    Returns
-    -------
-    MpdccTrace
-        One row, per unit.
-
-    Raises
-    ------
-    StateError
-        If the converter has not got a position of the state.
-    """
+    """A state as a trace of one row, per unit; StateError for a position that there is not."""
     vdc = drive.inverter.vdc if state.vdc is None else state.vdc
     if max(state.applied) >= drive.converter.positions:
         raise StateError(

@@ -28,31 +28,16 @@ _GUESS = np.array([0.03, 0.02, 0.1, 2.0])
 
 @dataclass(frozen=True)
 class Nameplate:
-    """What a plate says.
+    """What a plate says."""
 
-    Attributes
-    ----------
-    power
-        Rated power on the shaft, W.
-    voltage, current
-        Line-to-line voltage and line current, rms, of the connection that is used.
-    cos_phi
-        Power factor.
-    speed
-        Rated speed, r/min.
-    breakdown
-        Breakdown torque over rated torque.
-    frequency
-        Hz.
-    """
-
-    power: float
+    power: float  # Rated power on the shaft, W
+    # voltage, current: Line-to-line voltage and line current, rms, of the connection that is used.
     voltage: float
     current: float
-    cos_phi: float
-    speed: float
-    breakdown: float
-    frequency: float = 50.0
+    cos_phi: float  # Power factor
+    speed: float  # Rated speed, r/min
+    breakdown: float  # Breakdown torque over rated torque
+    frequency: float = 50.0  # Hz
 
     def __post_init__(self) -> None:
         ranges = {
@@ -80,65 +65,32 @@ class Nameplate:
 
     @property
     def pole_pairs(self) -> int:
-        """Pole pairs: as many as the rated speed lets the field be just faster.
-
-        Returns
-        -------
-        int
-            1 and up.
-        """
+        """Pole pairs: as many as the rated speed lets the field be just faster."""
         return max(1, math.floor(60.0 * self.frequency / self.speed))
 
     @property
     def slip(self) -> float:
-        """Rated slip.
-
-        Returns
-        -------
-        float
-            Of the frequency.
-        """
+        """Rated slip over the frequency."""
         return 1.0 - self.speed * self.pole_pairs / (60.0 * self.frequency)
 
     @property
     def efficiency(self) -> float:
-        """Power on the shaft over electrical power.
-
-        Returns
-        -------
-        float
-            A ratio.
-        """
+        """Power on the shaft over electrical power."""
         return self.power / (math.sqrt(3.0) * self.voltage * self.current * self.cos_phi)
 
     @property
     def torque(self) -> float:
-        """Rated torque on the shaft.
-
-        Returns
-        -------
-        float
-            N*m.
-        """
+        """Rated torque on the shaft, N*m."""
         return self.power / (2.0 * math.pi * self.speed / 60.0)
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A machine that makes about what a plate says.
+    """A machine that makes about what a plate says."""
 
-    Attributes
-    ----------
-    machine : InductionMachine
-        Star circuit, per unit of the plate's voltage and current.
-    impedance : float
-        Base impedance, ohm.
-    residuals : dict
-        Name of a value of the plate -> the plate's, the estimated machine's.
-    """
-
-    machine: InductionMachine
-    impedance: float
+    machine: InductionMachine  # Star circuit, per unit of the plate's voltage and current
+    impedance: float  # Base impedance, ohm
+    # Name of a value of the plate -> the plate's, the estimated machine's.
     residuals: dict[str, tuple[float, float]]
 
 
@@ -157,19 +109,9 @@ def _machine(logarithms: NDArray[np.float64]) -> InductionMachine:
 
 
 def estimate(plate: Nameplate, copper_share: float = COPPER_SHARE) -> Estimate:
-    """Estimate the star circuit of a machine.
+    """Estimate the star circuit of a machine, with equal leakages of stator and rotor.
 
-    Parameters
-    ----------
-    plate : Nameplate
-        What the plate says.
-    copper_share : float
-        Share of the losses that copper has, above 0 and at most 1.
-
-    Returns
-    -------
-    Estimate
-        With equal leakages of stator and rotor.
+    `copper_share`: share of the losses that copper has, above 0 and at most 1.
     """
     from scipy.optimize import least_squares  # here: few programs need it
 

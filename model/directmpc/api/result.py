@@ -23,28 +23,16 @@ ComplexArray = NDArray[np.complex128]
 
 
 class SiResult(NamedTuple):
-    """Quantities of a run in SI; every array has one row per control step.
+    """Quantities of a run in SI; every array has one row per control step."""
 
-    Attributes
-    ----------
-    time : (n,)
-        s.
-    current, flux : (n,) complex
-        Stator current (A peak) and flux linkage (Wb peak), alpha + j*beta.
-    torque : (n,)
-        N*m; of a drive per unit, whose pole pairs its file does not say, N*m per pole pair.
-    omega_r : (n,)
-        Electrical rotor speed, rad/s.
-    power : (n,)
-        W.
-    """
-
-    time: FloatArray
+    time: FloatArray  # (n,): s
+    # current, flux: (n,): Stator current (A peak) and flux linkage (Wb peak), alpha + j*beta.
     current: ComplexArray
     flux: ComplexArray
+    # (n,): N*m; of a drive per unit, whose pole pairs its file does not say, N*m per pole pair.
     torque: FloatArray
-    omega_r: FloatArray
-    power: FloatArray
+    omega_r: FloatArray  # (n,): Electrical rotor speed, rad/s
+    power: FloatArray  # (n,): W
 
 
 @dataclass(frozen=True)

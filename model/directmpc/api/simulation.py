@@ -63,55 +63,18 @@ LEAST_FACTOR, MOST_FACTOR = 0.5, 1.5
 
 
 def factors_of(drive: Drive | KbestDrive | MptcDrive) -> tuple[str, ...]:
-    """Names of the factors of `plant_with`.
-
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        Of any kind.
-
-    Returns
-    -------
-    tuple of str
-        Five levels: those of the load, and `xdc`, `xph`.
-    """
+    """Names of the factors of `plant_with`; five levels: those of the load, and `xdc`, `xph`."""
     return drive.plant_factors
 
 
 def check_speed(drive: Drive | KbestDrive | MptcDrive, speed: float | None) -> None:
-    """Refuse a stator frequency that a drive cannot run at.
-
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        Of any kind.
-    speed : float or None
-        pu or rad/s; None is the usual one.
-
-    Raises
-    ------
-    ValueError
-        The message says what is allowed.
-    """
+    """ValueError for a stator frequency (pu or rad/s) at which a drive cannot run."""
     if speed is not None:
         drive.check_speed(speed)
 
 
 def check_point(drive: PerUnitDrive, point: OperatingPoint) -> None:
-    """Refuse an operating point beyond what the controller can measure.
-
-    Parameters
-    ----------
-    drive : PerUnitDrive
-        Drive per unit.
-    point : OperatingPoint
-        Per unit.
-
-    Raises
-    ------
-    ValueError
-        The message says what is allowed.
-    """
+    """ValueError for an operating point, per unit, beyond what the controller can measure."""
     state = point.steady_state(drive.machine)
     asked = {"torque": point.torque, "flux": point.flux}
     said = ", ".join(f"{name} = {value:g} pu" for name, value in asked.items() if value is not None)
@@ -128,28 +91,11 @@ def plant_with(
 ) -> Drive | KbestDrive | MptcDrive:
     """A drive whose machine and capacitors are not those that a controller knows.
 
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        What the controller knows.
-    factors : mapping of str to float
-        From 0.5 to 1.5, on the drive's values. MPDCC: `xdc`, `xph`, and of an induction machine
-        `rs`, `rr`, `leakage` (both, xls and xlr), `xm`, of a PMSM `rs`, `leakage` (xd and xq), of a
-        grid or an RL load `r`, `x`. MPTC: `rs`, `rr`, `leakage` (both, ls - lm and lr - lm), `lm`
-        (the leakages stay).
-
-    Returns
-    -------
-    Drive, KbestDrive or MptcDrive
-        Of the same kind, with all other values as they are.
-
-    Raises
-    ------
-    TypeError
-        If `factors` are no mapping.
-    ValueError
-        If there is no such factor, it is out of its range, or the drive that comes of it is none
-        (a `DriveError` then, which names the key).
+    `factors`, from 0.5 to 1.5, on the drive's values. MPDCC: `xdc`, `xph`, and of an induction
+    machine `rs`, `rr`, `leakage` (xls and xlr), `xm`, of a PMSM `rs`, `leakage` (xd and xq), of a
+    grid or an RL load `r`, `x`. MPTC: `rs`, `rr`, `leakage` (ls - lm and lr - lm), `lm` (the
+    leakages stay). TypeError if they are no mapping; ValueError or DriveError for a name or value
+    that is not allowed.
     """
     if not isinstance(factors, Mapping):
         raise TypeError(
@@ -451,19 +397,9 @@ def _constant(value: float, time: float) -> float:
 
 
 def unreached(result: SimulationResult, torque: float | None) -> str:
-    """Whether a run did not reach what was asked of it.
+    """A sentence where a run did not reach its torque (or power over frequency), else empty.
 
-    Parameters
-    ----------
-    result : SimulationResult
-        Its last period of the stator frequency counts; a shorter run is not judged.
-    torque : float or None
-        Torque that was asked for, or power over frequency; None is the usual one.
-
-    Returns
-    -------
-    str
-        A sentence; empty where it was reached.
+    Its last period of the stator frequency counts; a shorter run is not judged.
     """
     drive = result.drive
     kind = kind_of(drive)

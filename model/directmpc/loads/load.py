@@ -41,67 +41,43 @@ _TURN: FloatArray = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
 class Matrices(NamedTuple):
-    """A load on complex space vectors, for compiled code: x' = (a0 + j omega_r a1) x + b v.
+    """A load on complex space vectors, for compiled code: x' = (a0 + j omega_r a1) x + b v."""
 
-    Attributes
-    ----------
-    a0, a1 : ndarray of float64, shape (2, 2)
-        Of the state [i, psi], per unit.
-    b : ndarray of float64, shape (2,)
-        Of the voltage, per unit; the second entry is 0.
-    """
-
+    # a0, a1: (2, 2): Of the state [i, psi], per unit.
     a0: FloatArray
     a1: FloatArray
-    b: FloatArray
+    b: FloatArray  # (2,): Of the voltage, per unit; the second entry is 0
 
 
 @dataclass(frozen=True)
 class SteadyState:
-    """One steady state of a load; phasors rotate with omega_s, the current real.
+    """One steady state of a load; phasors rotate with omega_s, the current real."""
 
-    Attributes
-    ----------
-    omega_s, omega_r
-        Frequency of the currents and the speed that is measured, per unit.
-    i_s, psi_r, v_s
-        Current, flux and voltage of the load as complex peak phasors, per unit.
-    torque
-        As of `Load.torque`, per unit.
-    """
-
+    # omega_s, omega_r: Frequency of the currents and the speed that is measured, per unit.
     omega_s: float
     omega_r: float
+    # i_s, psi_r, v_s: Current, flux and voltage of the load as complex peak phasors, per unit.
     i_s: complex
     psi_r: complex
     v_s: complex
-    torque: float
+    torque: float  # As of `Load.torque`, per unit
 
 
 class Fact(NamedTuple):
-    """A line of a data sheet.
+    """A line of a data sheet."""
 
-    Attributes
-    ----------
-    name, value, unit
-        What it is, a number, its unit.
-    low, high, hint
-        Usual range, and what is probably wrong outside it.
-    quantity
-        What a value per unit is: "voltage", "current", "power", "torque", "time", "reactance",
-        "frequency", "flux"; empty for a ratio.
-    si
-        The same in SI.
-    """
-
+    # name, value, unit: What it is, a number, its unit.
     name: str
     value: float
     unit: str
+    # low, high, hint: Usual range, and what is probably wrong outside it.
     low: float = -math.inf
     high: float = math.inf
     hint: str = ""
+    # What a value per unit is: "voltage", "current", "power", "torque", "time", "reactance",
+    # "frequency", "flux"; empty for a ratio.
     quantity: str = ""
-    si: str = ""
+    si: str = ""  # The same in SI
 
 
 class Load(ABC):
@@ -332,25 +308,12 @@ class Load(ABC):
 
 @njit
 def discretise(load, omega_r, h):
-    """Discretise a load exactly over h, in complex form, in compiled code.
+    """Discretise a load exactly over h in complex form: a11, a12, a21, a22, b1, b2, per unit.
 
-    Parameters
-    ----------
-    load : Matrices
-        Of the load, per unit.
-    omega_r, h : float
-        Speed and time step, per unit.
-
-    Returns
-    -------
-    a11, a12, a21, a22, b1, b2 : complex
-        i(k+1) = a11 i + a12 psi + b1 v and psi(k+1) = a21 i + a22 psi + b2 v with v = K v_abc.
-
-    Notes
-    -----
-    Taylor series of the matrix exponential of [[F, G], [0, 0]] over h / 2^q with q so that the
-    norm is at most 1/2, then q doublings; 18 terms leave 0.5^19/19! = 1.6e-23. The input column
-    rides along because F^-1 (A_d - I) G would lose five digits at standstill, where det F is small.
+    i(k+1) = a11 i + a12 psi + b1 v and psi(k+1) = a21 i + a22 psi + b2 v with v = K v_abc. Taylor
+    series of the matrix exponential of [[F, G], [0, 0]] over h / 2^q with q so that the norm is at
+    most 1/2, then q doublings; 18 terms leave 0.5^19/19! = 1.6e-23. The input column rides along
+    because F^-1 (A_d - I) G would lose five digits at standstill, where det F is small.
     """
     a0, a1 = load.a0, load.a1
     f11 = complex(a0[0, 0], omega_r * a1[0, 0]) * h
