@@ -57,45 +57,26 @@ class ConverterError(ValueError):
 
 @dataclass(frozen=True)
 class Switch:
-    """A switch of a leg, or a diode without one.
+    """A switch of a leg, or a diode without one."""
 
-    Attributes
-    ----------
-    name : str
-        As the file has it.
-    first, second : str
-        Nodes: a switch that is on conducts from the first to the second one, a diode likewise.
-    rating : float
-        What it may block, share of v_dc.
-    devices : int
-        Devices in series.
-    group : str
-        Kind of switch that turn-ons are counted by.
-    """
-
-    name: str
+    name: str  # As the file has it
+    # first, second: Nodes: a switch that is on conducts from the first to the second one, a diode
+    # likewise.
     first: str
     second: str
-    rating: float
-    devices: int
-    group: str
+    rating: float  # What it may block, share of v_dc
+    devices: int  # Devices in series
+    group: str  # Kind of switch that turn-ons are counted by
 
 
 @dataclass(frozen=True)
 class StopRule:
-    """A step of a stop.
+    """A step of a stop."""
 
-    Attributes
-    ----------
-    on, off : frozenset of int
-        Gates that have to be on and off for it.
-    change : int
-        n: gate n comes on; -n: it goes off.
-    """
-
+    # on, off: Gates that have to be on and off for it.
     on: Gates
     off: Gates
-    change: int
+    change: int  # n: gate n comes on; -n: it goes off
 
 
 def _table(values: Any) -> IntArray:
@@ -107,95 +88,54 @@ def _table(values: Any) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class Converter:
-    """A converter of three equal legs; p positions a leg, gates counted from 1.
+    """A converter of three equal legs; p positions a leg, gates counted from 1."""
 
-    Attributes
-    ----------
-    name, title : str
-        Of its file; in words.
-    is_default : bool
-        Whether the checked-in VHDL, and a drive file that names none, are for this one.
-    rails : dict of float
-        Potentials of the nodes of the dc link.
-    output : str
-        Node of the load.
-    neutral_node : str or None
-        Node whose potential is v_n; None where no position draws current from it.
-    capacitor_nodes : tuple of str or None
-        Upper and lower node of the phase capacitor, None where there is none.
-    capacitor_share : float
-        Reference of v_ph, share of v_dc; 0 where there is no capacitor.
-    switches, diodes : tuple of Switch
-        Gate n belongs to switch n - 1.
-    gates : tuple of frozenset of int
-        Gates that are on in each position.
-    half_dc, neutral, capacitor : (p,) int
-        Coefficients of v_dc/2, v_n and v_ph in the phase voltage.
-    next_positions : tuple of tuple of int
-        What may follow each position, itself included, ascending.
-    transition_weight : (2, p, p) int
-        Weight of a transition: [phase current negative][from][to].
-    stop_first : frozenset of int
-        Gates that a stop turns off at once.
-    stop_rules : tuple of StopRule
-        A stop takes the first that fits; where none does, all gates go off.
-    start_groups : tuple of frozenset of int
-        Which of a position's gates come on in each step of a start.
-    start_through : int or None
-        Position that every start goes to first and leaves by a transition; None: no detour.
-    """
-
+    # name, title: Of its file; in words.
     name: str
     title: str
+    # Whether the checked-in VHDL, and a drive file that names none, are for this one.
     is_default: bool
-    rails: Mapping[str, float]
-    output: str
+    rails: Mapping[str, float]  # Potentials of the nodes of the dc link
+    output: str  # Node of the load
+    # Node whose potential is v_n; None where no position draws current from it.
     neutral_node: str | None
+    # Upper and lower node of the phase capacitor, None where there is none.
     capacitor_nodes: tuple[str, str] | None
-    capacitor_share: float
+    capacitor_share: float  # Reference of v_ph, share of v_dc; 0 where there is no capacitor
+    # switches, diodes: Gate n belongs to switch n - 1.
     switches: tuple[Switch, ...]
     diodes: tuple[Switch, ...]
-    gates: tuple[Gates, ...]
+    gates: tuple[Gates, ...]  # Gates that are on in each position
+    # half_dc, neutral, capacitor: (p,): Coefficients of v_dc/2, v_n and v_ph in the phase voltage.
     half_dc: IntArray
     neutral: IntArray
     capacitor: IntArray
+    # What may follow each position, itself included, ascending.
     next_positions: tuple[tuple[int, ...], ...]
+    # (2, p, p): Weight of a transition: [phase current negative][from][to].
     transition_weight: IntArray
-    stop_first: Gates
+    stop_first: Gates  # Gates that a stop turns off at once
+    # A stop takes the first that fits; where none does, all gates go off.
     stop_rules: tuple[StopRule, ...]
-    start_groups: tuple[Gates, ...]
+    start_groups: tuple[Gates, ...]  # Which of a position's gates come on in each step of a start
+    # Position that every start goes to first and leaves by a transition; None: no detour.
     start_through: int | None
 
     @property
     def positions(self) -> int:
-        """Switch positions of a leg.
-
-        Returns
-        -------
-        int
-            2 to 8.
-        """
+        """Switch positions of a leg."""
         return len(self.gates)
 
     @cached_property
     def level(self) -> IntArray:
-        """Output level of each position at balanced capacitors.
-
-        Returns
-        -------
-        ndarray of int64, shape (p,)
-            Quarters of v_dc from the midpoint.
-        """
+        """Output level of each position at balanced capacitors, v_dc/4 from the midpoint."""
         return _table(2 * self.half_dc + np.rint(4 * self.capacitor_share) * self.capacitor)
 
     @property
     def neutral_current(self) -> IntArray:
         """n(s): 1 where the phase current is drawn from the neutral point.
 
-        Returns
-        -------
-        ndarray of int64, shape (p,)
-            The coefficient of v_n: no power is lost.
+        It is the coefficient of v_n: no power is lost.
         """
         return self.neutral
 
@@ -203,84 +143,44 @@ class Converter:
     def capacitor_current(self) -> IntArray:
         """c(s): sign with which the phase current charges the phase capacitor.
 
-        Returns
-        -------
-        ndarray of int64, shape (p,)
-            The negative coefficient of v_ph: no power is lost.
+        It is the negative coefficient of v_ph: no power is lost.
         """
         return _table(-self.capacitor)
 
     @property
     def half_capacitor(self) -> int:
-        """Whether the reference of v_ph is v_dc/2.
-
-        Returns
-        -------
-        int
-            0 where it is v_dc/4, or there is no capacitor.
-        """
+        """1 where the reference of v_ph is v_dc/2, 0 for v_dc/4 or without a capacitor."""
         return int(self.capacitor_share == 0.5)
 
     @cached_property
     def position_of_code(self) -> tuple[int, ...]:
         """Position that each code of three bits stands for.
 
-        Returns
-        -------
-        tuple of int
-            A code that is no position is as one that differs in a bit, so that whoever never sees
-            it needs no logic to tell both.
+        A code that is no position is as one that differs in a bit, so that whoever never sees it
+        needs no logic to tell both.
         """
         low = [min(code, self.positions - 1) for code in range(4)]
         return (*low, *(code if code < self.positions else low[code - 4] for code in range(4, 8)))
 
     @cached_property
     def has_signed_weights(self) -> bool:
-        """Whether the weight of a transition depends on the sign of the current.
-
-        Returns
-        -------
-        bool
-            False where `transition_weight` has the same table twice.
-        """
+        """Whether the weight of a transition depends on the sign of the current."""
         return not np.array_equal(*self.transition_weight)
 
     @cached_property
     def next_count(self) -> IntArray:
-        """How many positions may follow each position.
-
-        Returns
-        -------
-        ndarray of int64, shape (p,)
-            Staying included.
-        """
+        """How many positions may follow each position, staying included."""
         return _table([len(row) for row in self.next_positions])
 
     @cached_property
     def next_table(self) -> IntArray:
-        """`next_positions` as a rectangular table.
-
-        Returns
-        -------
-        ndarray of int64, shape (p, 4)
-            Rows padded with their last entry.
-        """
+        """`next_positions` as a table (p, 4), rows padded with their last entry."""
         return _table([row + row[-1:] * (MAX_NEXT - len(row)) for row in self.next_positions])
 
     def turn_ons(self, group: str | None = None, devices: int | None = None) -> IntArray:
-        """Gates that turn on in each transition.
+        """Gates that turn on in each transition [from][to]; `INADMISSIBLE` where there is none.
 
-        Parameters
-        ----------
-        group : str, optional
-            Group of the switches that count; all if not given.
-        devices : int, optional
-            Devices in series of the switches that count; any number if not given.
-
-        Returns
-        -------
-        ndarray of int64, shape (p, p)
-            [from][to]; `INADMISSIBLE` where the graph has no edge.
+        Of a group of switches, or with so many devices in series, where given.
         """
         counted = {
             n
@@ -300,21 +200,8 @@ class Converter:
     def candidates(self, s_abc: Sequence[int]) -> list[tuple[int, int, int]]:
         """List the positions that may follow a three-phase position, in the order of enumeration.
 
-        Parameters
-        ----------
-        s_abc : sequence of int
-            Present positions of phases a, b, c.
-
-        Returns
-        -------
-        list of (s_a, s_b, s_c)
-            Phase a outermost, each phase ascending. Every argmin tie of the controllers goes to the
-            earliest of this list.
-
-        Raises
-        ------
-        ValueError
-            If there are not three positions, or the converter has not got one of them.
+        Phase a outermost, each phase ascending: every argmin tie of the controllers goes to the
+        earliest. ValueError for a position that the converter has not got.
         """
         positions = [int(s) for s in s_abc]
         if len(positions) != 3 or any(not 0 <= s < self.positions for s in positions):
@@ -327,27 +214,7 @@ class Converter:
     def phase_voltages(
         self, s_abc: Sequence[int], v_dc: float, v_n: float, v_ph: Sequence[float]
     ) -> NDArray[np.float64]:
-        """Form v_abc against the dc-link midpoint (Paper A, eq. 2).
-
-        Parameters
-        ----------
-        s_abc : sequence of int
-            Positions of phases a, b, c.
-        v_dc, v_n : float
-            Voltages of dc link and neutral point, per unit.
-        v_ph : ndarray of float64, shape (3,)
-            Voltages of the phase capacitors, per unit.
-
-        Returns
-        -------
-        ndarray of float64, shape (3,)
-            Per unit.
-
-        Raises
-        ------
-        IndexError
-            If the converter has not got a position.
-        """
+        """Form v_abc against the dc-link midpoint, per unit (Paper A, eq. 2)."""
         s = np.asarray(s_abc, dtype=np.int64)
         link = self.half_dc[s] * (v_dc / 2) + self.neutral[s] * v_n
         return np.asarray(link + self.capacitor[s] * np.asarray(v_ph))
@@ -369,18 +236,9 @@ class Converter:
     def output_voltages(self, gates: Iterable[int]) -> tuple[Voltage | None, Voltage | None] | None:
         """Output voltage for i > 0 and i < 0, with ideal switches.
 
-        Current out of the output takes the path of highest potential that conducts, current into it
-        the one of lowest.
-
-        Parameters
-        ----------
-        gates : iterable of int
-            Gates that are on.
-
-        Returns
-        -------
-        tuple of Voltage or None
-            None where a source is shorted; an entry is None where the current has no way.
+        None where a source is shorted; an entry is None where the current has no way. Current out
+        of the output takes the path of highest potential that conducts, current into it the one of
+        lowest.
         """
         on = frozenset(gates)
         if on not in self._outputs:
@@ -454,11 +312,8 @@ class Converter:
     def forbidden(self) -> tuple[Gates, ...]:
         """Smallest sets of gates that may never be on together.
 
-        Returns
-        -------
-        tuple of frozenset of int
-            Each shorts a source, or puts more than its rating on some device whatever the load
-            does; in the order of their size.
+        Each shorts a source, or puts more than its rating on some device whatever the load does; in
+        the order of their size.
         """
         found: list[Gates] = []
         every = range(1, len(self.switches) + 1)
@@ -470,18 +325,7 @@ class Converter:
         return tuple(found)
 
     def is_forbidden(self, gates: Iterable[int]) -> bool:
-        """Whether these gates may never be on together.
-
-        Parameters
-        ----------
-        gates : iterable of int
-            Gates that are on.
-
-        Returns
-        -------
-        bool
-            True where they hold one of the sets `forbidden`.
-        """
+        """Whether these gates may never be on together."""
         on = frozenset(gates)
         return any(f <= on for f in self.forbidden)
 
@@ -490,24 +334,10 @@ class Converter:
     def commutation(self, origin: int, goal: int) -> tuple[int, ...]:
         """Single-gate actions from one position to the next.
 
-        Gates that leave go off before others come on wherever that is clean. An order is clean if
-        it passes no forbidden pattern, the current has a way for either sign, and the output makes
-        one step, or none where both positions have the same voltage.
-
-        Parameters
-        ----------
-        origin, goal : int
-            Positions.
-
-        Returns
-        -------
-        tuple of int
-            n: gate n on, -n: gate n off, in their order.
-
-        Raises
-        ------
-        ValueError
-            If no order is clean.
+        n: gate n on, -n: gate n off. ValueError if no order is clean. Gates that leave go off
+        before others come on wherever that is clean. An order is clean if it passes no forbidden
+        pattern, the current has a way for either sign, and the output makes one step, or none where
+        both positions have the same voltage.
         """
         key = (origin, goal)
         if key not in self._orders:
@@ -555,36 +385,14 @@ class Converter:
         return 0.5 * int(self.half_dc[s]), int(self.neutral[s]), int(self.capacitor[s])
 
     def stop_step(self, on: Gates) -> Gates:
-        """Find what the next step of a stop leaves on.
-
-        Parameters
-        ----------
-        on : frozenset of int
-            Gates that are on.
-
-        Returns
-        -------
-        frozenset of int
-            Gates that are on behind the step.
-        """
+        """Gates that the next step of a stop leaves on."""
         for rule in self.stop_rules:
             if rule.on <= on and not rule.off & on:
                 return on | {rule.change} if rule.change > 0 else on - {-rule.change}
         return frozenset()
 
     def start_steps(self, position: int) -> tuple[Gates, ...]:
-        """Gates that are on after each step of a start.
-
-        Parameters
-        ----------
-        position : int
-            Where the start leads.
-
-        Returns
-        -------
-        tuple of frozenset of int
-            The last ones are the position's.
-        """
+        """Gates that are on after each step of a start; the last ones are the position's."""
         first = position if self.start_through is None else self.start_through
         steps = [self.gates[first] & group for group in self.start_groups]
         steps = [frozenset[int]().union(*steps[: n + 1]) for n in range(len(steps))]
@@ -593,13 +401,7 @@ class Converter:
         return tuple(steps)
 
     def patterns(self) -> Iterator[tuple[str, Gates]]:
-        """Patterns of gates that positions, transitions and starts pass.
-
-        Yields
-        ------
-        tuple of (str, frozenset of int)
-            Where it occurs, in words, and the gates that are on.
-        """
+        """Patterns of gates that positions, transitions and starts pass, and where they occur."""
         for s, gates in enumerate(self.gates):
             yield f"position {s}", gates
             for t in self.next_positions[s]:
@@ -612,13 +414,7 @@ class Converter:
 
     @cached_property
     def stop_steps(self) -> int:
-        """Most steps of a stop, a wait for the last action to be a dead time old included.
-
-        Returns
-        -------
-        int
-            1 or more.
-        """
+        """Most steps of a stop, a wait for the last action to be a dead time old included."""
         most = 1
         for _, gates in self.patterns():
             on, steps = gates, 0 if gates & self.stop_first else 1
@@ -629,24 +425,12 @@ class Converter:
 
     @property
     def logical_devices(self) -> int:
-        """Switches of three legs.
-
-        Returns
-        -------
-        int
-            Devices in series count once.
-        """
+        """Switches of three legs; devices in series count once."""
         return 3 * len(self.switches)
 
     @property
     def physical_devices(self) -> int:
-        """Devices of three legs.
-
-        Returns
-        -------
-        int
-            Each device in series counts.
-        """
+        """Devices of three legs; each device in series counts."""
         return 3 * sum(s.devices for s in self.switches)
 
 
@@ -960,23 +744,10 @@ def _built(read: _Reader, name: str, data: dict[str, Any]) -> Converter:
 
 
 def read_converter(path: str | os.PathLike[str]) -> Converter:
-    """Read the file of a converter.
+    """Read a converter (docs/converters.md), checked against its circuit.
 
-    Parameters
-    ----------
-    path : str or path
-        TOML file as docs/converters.md describes it.
-
-    Returns
-    -------
-    Converter
-        Checked against its circuit.
-
-    Raises
-    ------
-    ConverterError
-        If the file cannot be read, or an entry is missing, unknown, out of range or at odds with
-        the circuit; the message names file and entry.
+    ConverterError names file and entry where one is missing, unknown, out of range or at odds with
+    the circuit.
     """
     file = Path(path)
     try:
@@ -996,13 +767,7 @@ def _parsed(file: str, name: str, text: str) -> Converter:
 
 @cache
 def shipped() -> tuple[str, ...]:
-    """Names of the converters that come with the package.
-
-    Returns
-    -------
-    tuple of str
-        Ascending.
-    """
+    """Names of the converters that come with the package, ascending."""
     folder = resources.files("directmpc") / "converters"
     return tuple(
         sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
@@ -1024,35 +789,13 @@ def _own() -> dict[str, Path]:
 
 
 def names() -> tuple[str, ...]:
-    """Names of all converters.
-
-    Returns
-    -------
-    tuple of str
-        Those that are shipped, then those of one's own.
-    """
+    """Names of all converters: those that are shipped, then those of one's own."""
     return (*shipped(), *_own())
 
 
 @cache
 def load(name: str) -> Converter:
-    """Load a converter by its name.
-
-    Parameters
-    ----------
-    name : str
-        One of `names`.
-
-    Returns
-    -------
-    Converter
-        Checked against its circuit.
-
-    Raises
-    ------
-    ConverterError
-        If there is none of this name.
-    """
+    """Load one of `names`, checked against its circuit; ConverterError if there is none."""
     if name not in names():
         raise ConverterError(f'converter: got "{name}"; it must be one of {", ".join(names())}')
     if name in _own():

@@ -13,13 +13,7 @@ from directmpc.mptc.drive import MptcDrive
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Give a parser the arguments of the command.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        That of the command.
-    """
+    """Give a parser the arguments of the command."""
     parser.add_argument("drive", help="drive file (TOML), or the name of a shipped drive")
     parser.add_argument("--out", type=Path, required=True, help="file to write, NAME.fmu")
     parser.add_argument("--plant", action="store_true", help="the exact plant, not the controller")
@@ -38,26 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def write(drive: PerUnitDrive | MptcDrive, given: argparse.Namespace) -> Path:
-    """Write what was asked for.
+    """Write the FMU that was asked for; FmuError if arguments exclude one another.
 
-    Parameters
-    ----------
-    drive : PerUnitDrive or MptcDrive
-        The drive that `given.drive` names.
-    given : argparse.Namespace
-        Arguments of `add_arguments`.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    FmuError
-        If arguments exclude one another.
-    NativeError, ValueError, OSError
-        As of `write_controller` and `write_plant`.
+    Other errors as of `write_controller` and `write_plant`.
     """
     common: dict[str, Any] = {"version": given.fmi, "windows": given.windows}
     if not given.plant:

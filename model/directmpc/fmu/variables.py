@@ -40,23 +40,7 @@ BUILT: dict[str, tuple[str, ...]] = {"mpdcc_system": (), "mptc_system": (), FAMI
 
 
 def system_of(drive: Any) -> str:
-    """The design of a drive's controller.
-
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        Whose controller it is.
-
-    Returns
-    -------
-    str
-        Name of a native library.
-
-    Raises
-    ------
-    ValueError
-        If there is none.
-    """
+    """Native library of the design of a drive's controller; ValueError if there is none."""
     if drive.controller not in SYSTEMS:
         raise ValueError(f"controller: {drive.controller} has no FMU; {', '.join(SYSTEMS)} have")
     if drive.controller == "mpdcc":
@@ -66,25 +50,16 @@ def system_of(drive: Any) -> str:
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of an FMU.
+    """A variable of an FMU."""
 
-    Attributes
-    ----------
-    name, description, unit : str
-        Unit "1" is none.
-    type : str
-        "real", "integer" or "boolean".
-    role : str
-        "input", "output", "parameter" (set before the start) or "constant" (shown alone).
-    start, least, most : float
-        Value at the start, and range.
-    """
-
+    # name, description, unit: Unit "1" is none.
     name: str
     description: str
     unit: str = "1"
-    type: str = "real"
+    type: str = "real"  # "real", "integer" or "boolean"
+    # "input", "output", "parameter" (set before the start) or "constant" (shown alone).
     role: str = "input"
+    # start, least, most: Value at the start, and range.
     start: float = 0.0
     least: float = -ANY
     most: float = ANY
@@ -92,40 +67,20 @@ class Variable:
 
 @dataclass
 class Model:
-    """What an FMU is made of.
+    """What an FMU is made of."""
 
-    Attributes
-    ----------
-    name, title, design : str
-        Model identifier, one line on it, and the library behind it.
-    step : float
-        Preferred communication step, s.
-    variables : list of Variable
-        In the order of their value references.
-    lines : list of str
-        What the unit is set up by, see controller.cpp and plant.cpp.
-    """
-
+    # name, title, design: Model identifier, one line on it, and the library behind it.
     name: str
     title: str
     design: str
-    step: float
+    step: float  # Preferred communication step, s
+    # In the order of their value references.
     variables: list[Variable] = field(default_factory=list)
+    # What the unit is set up by, see controller.cpp and plant.cpp.
     lines: list[str] = field(default_factory=list)
 
     def text(self, token: str) -> str:
-        """The resource file of the unit.
-
-        Parameters
-        ----------
-        token : str
-            By which the description is known to be the one of these variables.
-
-        Returns
-        -------
-        str
-            Lines.
-        """
+        """The resource file of the unit; `token` tells that the description is of the same."""
         rows = [
             f"var {v.name} {('real', 'integer', 'boolean').index(v.type)} {_ROLES.index(v.role)} "
             f"{v.start!r} {v.least!r} {v.most!r}"
@@ -376,31 +331,11 @@ def _outputs(drive: Drive | MptcDrive, design: str) -> Iterator[tuple[Variable, 
 def controller(
     drive: Drive | MptcDrive, name: str, *, clock: float, si: bool = False, phases: bool = False
 ) -> Model:
-    """The controller of a drive.
+    """The controller of a drive, its clock in Hz.
 
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        Whose controller it is.
-    name : str
-        Model identifier, a C identifier.
-    clock : float
-        Of the core, Hz.
-    si : bool
-        Whether inputs of an MPDCC drive are SI; per unit otherwise. Those of MPTC are SI always.
-    phases : bool
-        Whether currents are measured as phases a, b, c; alpha and beta otherwise.
-
-    Returns
-    -------
-    Model
-        Its variables and lines.
-
-    Raises
-    ------
-    ValueError
-        If the drive cannot be represented, lacks a key without which no gate comes on, or its
-        period is no whole number of clocks; for K-best.
+    With `si` the inputs of an MPDCC drive are SI, otherwise per unit; those of MPTC always are.
+    ValueError if the drive cannot be represented, lacks a key without which no gate comes on, or
+    its period is no whole number of clocks; for K-best.
     """
     design = system_of(drive)
     if missing := drive.guard.missing():
@@ -470,22 +405,7 @@ def _row(numbers: np.ndarray) -> str:
 def plant(drive: PerUnitDrive | MptcDrive, name: str) -> Model:
     """The exact plant of a drive: machine and inverter with ideal switches at an imposed speed.
 
-    Parameters
-    ----------
-    drive : PerUnitDrive or MptcDrive
-        Whose plant it is; per unit, SI for MPTC, as the drive file.
-    name : str
-        Model identifier, a C identifier.
-
-    Returns
-    -------
-    Model
-        Its variables and lines.
-
-    Raises
-    ------
-    ValueError
-        If the drive has another converter than the usual one.
+    Per unit, SI for MPTC. ValueError for another converter than the usual one.
     """
     model = Model(name, f"Exact plant of {name}", "plant", drive.control.ts)
     if isinstance(drive, PerUnitDrive):

@@ -221,30 +221,10 @@ def write(board: Board, console: Console, given: argparse.Namespace) -> int:
 
 
 def record(board: Board, console: Console, given: argparse.Namespace) -> int:
-    """Read what the recorder holds into files; arm it, or trigger it.
+    """Read what the recorder holds into files; arm it, or trigger it. Exit code 0.
 
-    Parameters
-    ----------
-    board : Board
-        Board that has identified itself.
-    console : Console
-        Where is said what was read.
-    given : Namespace
-        `drive`, path of the drive file that the board was loaded with; `trace`, `decisions`,
-        `table`, paths or None; `last`, newest records or None; `arm`, `trigger`, whether to;
-        `after`, `decimation`, `on`, `edge`, settings for `arm`.
-
-    Returns
-    -------
-    int
-        Exit code: 0.
-
-    Raises
-    ------
-    RegisterError
-        If the board has no recorder.
-    ValueError
-        If the drive file or a setting cannot be used, or a file cannot be written.
+    RegisterError if the board has none; ValueError if the drive file or a setting cannot be used,
+    or a file cannot be written.
     """
     drive = load_core_drive(given.drive)
     files = [path for path in (given.trace, given.decisions, given.table) if path]

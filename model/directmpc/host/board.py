@@ -122,17 +122,7 @@ class RegisterError(RuntimeError):
 class TrippedError(RuntimeError):
     """The gate guard holds a fault: all gates are off.
 
-    Parameters
-    ----------
-    faults : tuple of str
-        As in docs/gate-guard.md; the first ones, later ones are not latched.
-    when : str
-        What it happened at.
-
-    Attributes
-    ----------
-    faults : tuple of str
-        Their names.
+    `faults` are those that came first (docs/gate-guard.md); later ones are not latched.
     """
 
     def __init__(self, faults: tuple[str, ...], when: str) -> None:
@@ -155,60 +145,26 @@ class DisabledError(RuntimeError):
 
 @dataclass(frozen=True)
 class Reply:
-    """What a board says to one step.
+    """What a board says to one step."""
 
-    Attributes
-    ----------
-    decision : MpdccDecision or MptcDecision
-        What it decided.
-    cycles : int
-        Clocks that the decision took.
-    gates : int
-        Gate signals at the time of the reply, one bit each.
-    running : bool
-        Whether the gate guard lets the gates switch.
-    exhausted : bool
-        Whether SESE's budget ended the search.
-    """
-
-    decision: MpdccDecision | MptcDecision
-    cycles: int
-    gates: int
-    running: bool
-    exhausted: bool
+    decision: MpdccDecision | MptcDecision  # What it decided
+    cycles: int  # Clocks that the decision took
+    gates: int  # Gate signals at the time of the reply, one bit each
+    running: bool  # Whether the gate guard lets the gates switch
+    exhausted: bool  # Whether SESE's budget ended the search
 
     @property
     def apply(self) -> tuple[int, int, int] | int | VectorSequence:
-        """What to apply next.
-
-        Returns
-        -------
-        tuple of three int, int or VectorSequence
-            MPDCC: switch positions, from now on. MPTC: the vector's number, from the next step on.
-        """
+        """What to apply: MPDCC's positions from now on, MPTC's vector from the next step on."""
         return self.decision.apply
 
 
 def decision_of(
     controller: str, answer: Decision, clipped: bool, sequence: VectorSequence | None = None
 ) -> MpdccDecision | MptcDecision:
-    """The decision in a reply to STEP.
+    """The decision in a reply to STEP; `saturated` also where a measurement was clipped.
 
-    Parameters
-    ----------
-    controller : str
-        "mpdcc" or "mptc".
-    answer : protocol.Decision
-        The reply; with a decision in it.
-    clipped : bool
-        Whether a measurement lay outside its word.
-    sequence : VectorSequence, optional
-        What was decided, where it is more than one vector: the reply has no room for it.
-
-    Returns
-    -------
-    MpdccDecision or MptcDecision
-        `saturated` is set too where a measurement was clipped.
+    `sequence` is what was decided where it is more than one vector: the reply has no room for it.
     """
     saturated = answer.has(Flag.SATURATED) or clipped
     if controller == "mptc":

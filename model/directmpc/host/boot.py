@@ -40,13 +40,7 @@ class Entry(NamedTuple):
     note: str = ""
 
     def bits(self) -> int:
-        """The entry as `boot_loader` takes it.
-
-        Returns
-        -------
-        int
-            48 bits: operation, address, word.
-        """
+        """The entry as `boot_loader` takes it, 48 bits: operation, address, word."""
         return (self.operation << ADDRESS_BITS | self.address) << WORD_BITS | self.word
 
 
@@ -66,24 +60,10 @@ class Outcome(NamedTuple):
 
 
 def rom(found: RegisterValues, *, use_observer: bool = True) -> list[Entry]:
-    """Entries that set up and enable a system.
+    """Entries that set up and enable a system: registers, the commit, and `control` at the end.
 
-    Parameters
-    ----------
-    found : RegisterValues
-        Registers of the drive.
-    use_observer : bool
-        Whether decisions take the observer's flux, else that at the ports.
-
-    Returns
-    -------
-    list of Entry
-        Every register, the commit, and `control` at the end.
-
-    Raises
-    ------
-    ValueError
-        If a value does not fit its register.
+    Decisions take the observer's flux, or that at the ports. ValueError if a value does not fit its
+    register.
     """
     known = MAPS[found.controller]
 
@@ -104,21 +84,10 @@ def rom(found: RegisterValues, *, use_observer: bool = True) -> list[Entry]:
 
 
 def accesses(entries: Sequence[Entry], tries: int) -> Iterator[Access | Outcome]:
-    """What `boot_loader` does: accesses, then how it ends.
+    """What `boot_loader` does: yields accesses, then how it ends.
 
-    Send the answer to each access: response and word read.
-
-    Parameters
-    ----------
-    entries : sequence of Entry
-        The ROM.
-    tries : int
-        Accesses of an entry before it fails.
-
-    Yields
-    ------
-    Access or Outcome
-        The outcome comes last.
+    Send the answer to each access: response and word read. `tries`: accesses of an entry before it
+    fails.
     """
     for place, entry in enumerate(entries):
         back, tried = False, 0
@@ -144,22 +113,7 @@ def accesses(entries: Sequence[Entry], tries: int) -> Iterator[Access | Outcome]
 def boot(
     entries: Sequence[Entry], tries: int, access: Callable[[Access], tuple[int, int]]
 ) -> Outcome:
-    """Carry out a ROM on a bus.
-
-    Parameters
-    ----------
-    entries : sequence of Entry
-        The ROM.
-    tries : int
-        Accesses of an entry before it fails.
-    access : callable
-        Takes an access and returns its response and the word read.
-
-    Returns
-    -------
-    Outcome
-        How it ends.
-    """
+    """Carry out a ROM on a bus: `access` returns the response and the word read."""
     asked = accesses(entries, tries)
     step = next(asked)
     while isinstance(step, Access):
@@ -170,28 +124,9 @@ def boot(
 def format_vhdl(
     drive: Drive | MptcDrive, found: RegisterValues, source: str, *, use_observer: bool = True
 ) -> str:
-    """Lay out the ROM as a VHDL package, with the scales of the measurements' ports.
+    """Lay out the ROM as a package in VHDL-93, with the scales of the measurements' ports.
 
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        What the values are of.
-    found : RegisterValues
-        Registers of the drive.
-    source : str
-        Name of the drive file, for the comment.
-    use_observer : bool
-        As in `rom`.
-
-    Returns
-    -------
-    str
-        VHDL-93, without an end of line behind the last.
-
-    Raises
-    ------
-    ValueError
-        If a value does not fit its register.
+    ValueError if a value does not fit its register.
     """
     kind = kind_of(drive)
     scales, unit = kind.formats(drive), kind.unit

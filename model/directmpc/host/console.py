@@ -23,18 +23,7 @@ class OneParagraphParser(argparse.ArgumentParser):
     """Reports wrong arguments as every other error: one paragraph, exit code 2."""
 
     def error(self, message: str) -> NoReturn:
-        """Print the message and leave.
-
-        Parameters
-        ----------
-        message : str
-            What is wrong with the arguments.
-
-        Raises
-        ------
-        SystemExit
-            Always, with exit code 2.
-        """
+        """Print the message and leave with exit code 2."""
         print(f"{self.prog}: {message}; --help lists the arguments", file=sys.stderr)
         sys.exit(2)
 
@@ -58,28 +47,10 @@ def terminable() -> Iterator[None]:
     So what it has begun is undone: files that are not whole are taken away, a drive is turned off.
     A signal that the program handles itself is left alone, and so are all of them outside of the
     main thread.
-
-    Yields
-    ------
-    None
-        Once, while it is so.
     """
 
     def leave(number: int, _: object) -> NoReturn:
-        """Leave as the shell tells of a signal.
-
-        Parameters
-        ----------
-        number : int
-            Of the signal.
-        _ : object
-            Where the program was.
-
-        Raises
-        ------
-        SystemExit
-            Always, with 128 and the signal's number.
-        """
+        """Leave as the shell tells of a signal: 128 and its number."""
         raise SystemExit(128 + number)
 
     main = threading.current_thread() is threading.main_thread()
@@ -98,11 +69,6 @@ def undisturbed() -> Iterator[None]:
     """Let signals that end the program wait until a block is through: a second Ctrl-C too.
 
     They come then, and find their handlers. Outside of the main thread nothing is changed.
-
-    Yields
-    ------
-    None
-        Once, while they wait.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -110,15 +76,7 @@ def undisturbed() -> Iterator[None]:
     came: list[int] = []
 
     def wait(number: int, _: object) -> None:
-        """Note a signal.
-
-        Parameters
-        ----------
-        number : int
-            Of the signal.
-        _ : object
-            Where the program was.
-        """
+        """Note a signal."""
         came.append(number)
 
     ending = [n for n in (signal.SIGINT, *ENDING) if signal.getsignal(n) != signal.SIG_IGN]
@@ -133,16 +91,11 @@ def undisturbed() -> Iterator[None]:
 
 
 def interrupted() -> int:
-    """Exit code of a program that Ctrl-C has ended; call it where KeyboardInterrupt is caught.
+    """Exit code 130 of a program that Ctrl-C has ended; for where KeyboardInterrupt is caught.
 
     Python 3.11 kills a program started with ``-m`` by the signal, whatever its exit code, if the
     interrupt came while text was executed, as modules with dataclasses do when they are imported.
     Executing text that ends well makes it forget that.
-
-    Returns
-    -------
-    int
-        130: 128 and the signal's number.
     """
     exec("")
     return 128 + signal.SIGINT
@@ -151,15 +104,7 @@ def interrupted() -> int:
 def lost(error: OSError) -> bool:
     """Whether an error is that standard output takes no more: its reader has ended, or it is full.
 
-    Parameters
-    ----------
-    error : OSError
-        Of a program that writes its files with `output_files.replacing`, which names them.
-
-    Returns
-    -------
-    bool
-        True for a broken pipe and for a full disk, where no file is named.
+    True for a broken pipe and for a full disk, where no file is named.
     """
     return error.filename is None and error.errno in (errno.EPIPE, *output_files.FULL)
 
@@ -167,18 +112,8 @@ def lost(error: OSError) -> bool:
 def reported(program: str, work: Callable[[], int]) -> int:
     """Do the work of a program; a standard output that takes no more is one line, or none.
 
-    Parameters
-    ----------
-    program : str
-        Its name; the message begins with it.
-    work : callable
-        Does it, and returns the exit code. What `lost` is true of leaves it.
-
-    Returns
-    -------
-    int
-        Exit code of the work; 0 where the reader has had enough, as `head` has, and 2 where
-        standard output cannot be written.
+    Exit code of the work; 0 where the reader has had enough, as `head` has, and 2 where standard
+    output cannot be written.
     """
     try:
         try:
@@ -205,12 +140,7 @@ _PULSES_S = (10.0, 20.0, 30.0, 60.0)
 class Pulse:
     """Says now and then, off a terminal, that work goes on.
 
-    Parameters
-    ----------
-    text : callable
-        Makes what is said; the seconds since the beginning are added.
-    stream : TextIO
-        Where to.
+    Seconds since the beginning are added to `text`.
     """
 
     def __init__(self, text: Callable[[], str], stream: TextIO) -> None:
@@ -252,19 +182,7 @@ def progress_bar(
 ) -> Iterator[Callable[[int], None]]:
     """Show how far a command has come: a bar, or plain lines off a terminal, where none is silent.
 
-    Parameters
-    ----------
-    text : str
-        What is under way.
-    total : int
-        How many there are, at least 1.
-    stream : TextIO, optional
-        Where to show it; stderr if not given.
-
-    Yields
-    ------
-    callable
-        Function to call with the number that are done.
+    Call the result with the number that are done.
     """
     # here, not above: a command that shows no progress starts without them
     from rich.console import Console
@@ -291,13 +209,7 @@ def progress_bar(
     shown, counted = -1, 0
 
     def line(done: int) -> None:
-        """Print a line at every tenth of the whole.
-
-        Parameters
-        ----------
-        done : int
-            How many are done.
-        """
+        """Print a line at every tenth of the whole."""
         nonlocal shown, counted
         counted = done
         if done * 10 // total > shown:
@@ -312,18 +224,7 @@ def progress_bar(
 
 @contextmanager
 def busy(text: str) -> Iterator[None]:
-    """Show that something is under way whose length is not known, and how long it has taken.
-
-    Parameters
-    ----------
-    text : str
-        What is under way.
-
-    Yields
-    ------
-    None
-        Once, while it is shown.
-    """
+    """Show that something is under way whose length is not known, and how long it has taken."""
     # here, not above: a command that shows nothing starts without them
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -341,18 +242,7 @@ def busy(text: str) -> Iterator[None]:
 
 
 def nothing_written(standing: Sequence[Path]) -> str:
-    """What a command that fails says of its output files.
-
-    Parameters
-    ----------
-    standing : sequence of Path
-        Those that exist; they are whole, and older than the command.
-
-    Returns
-    -------
-    str
-        A sentence without its full stop.
-    """
+    """A sentence, without full stop, on the output files that stand there from before."""
     if not standing:
         return "nothing was written"
     verb = "is as it was" if len(standing) == 1 else "are as they were"
@@ -360,18 +250,7 @@ def nothing_written(standing: Sequence[Path]) -> str:
 
 
 def report_error(program: str, error: BaseException, kept: Sequence[Path] = ()) -> None:
-    """Print an expected error as one paragraph on stderr.
-
-    Parameters
-    ----------
-    program : str
-        Its name; the message begins with it.
-    error : BaseException
-        What went wrong.
-    kept : sequence of Path
-        Outputs that were not written; where files stand there, the message says that they are as
-        before.
-    """
+    """Print an expected error as one paragraph on stderr; outputs `kept` are as before."""
     text = str(error)
     if isinstance(error, OSError):
         text = f"{error.filename or 'file'}: {error.strerror or error}"

@@ -42,19 +42,9 @@ true is the usual converter's leg, or by name."""
 
 
 def gates_of(tabled_leg: bool | str, position: int) -> frozenset[int]:
-    """Gates that are on in a position.
+    """Gates that are on in a position 0..7 of a leg of `LEGS`; gate n is the file's switch Sn.
 
-    Parameters
-    ----------
-    tabled_leg : bool or str
-        Key of `LEGS`.
-    position : int
-        0..7; of a two-level leg bit 0 counts alone: 1 connects the phase to the positive rail.
-
-    Returns
-    -------
-    frozenset of int
-        Gate n is switch Sn of the converter's file.
+    Of a two-level leg bit 0 counts alone: 1 connects the phase to the positive rail.
     """
     leg = LEGS[tabled_leg]
     return leg.gates[position % leg.positions]
@@ -63,103 +53,44 @@ def gates_of(tabled_leg: bool | str, position: int) -> frozenset[int]:
 def commutation(tabled_leg: bool | str, origin: int, goal: int) -> list[int]:
     """Single-gate actions from one position to the next (order: docs/gate-guard.md).
 
-    Parameters
-    ----------
-    tabled_leg : bool or str
-        Key of `LEGS`.
-    origin, goal : int
-        Positions, 0..7 (two-level: 0, 1).
-
-    Returns
-    -------
-    list of int
-        n: gate n on, -n: gate n off, in their order.
+    n: gate n on, -n: gate n off. Positions 0..7 (two-level: 0, 1).
     """
     leg = LEGS[tabled_leg]
     return list(leg.commutation(origin % leg.positions, goal % leg.positions))
 
 
 def started(tabled_leg: bool | str, position: int) -> tuple[frozenset[int], ...]:
-    """Gates that are on after each step of a start.
-
-    Parameters
-    ----------
-    tabled_leg : bool or str
-        Key of `LEGS`.
-    position : int
-        0..7 (two-level: 0, 1).
-
-    Returns
-    -------
-    tuple of frozenset of int
-        The last ones are the position's.
-    """
+    """Gates that are on after each step of a start; the last ones are the position's."""
     leg = LEGS[tabled_leg]
     return leg.start_steps(position % leg.positions)
 
 
 def stop_clocks(tabled_leg: bool | str, dead_time: int) -> int:
-    """Longest time from a cause at the ports to all gates off, in clocks.
+    """Longest time in clocks from a cause at the ports to all gates off.
 
-    Parameters
-    ----------
-    tabled_leg : bool or str
-        Key of `LEGS`.
-    dead_time : int
-        Dead time in force, clocks.
-
-    Returns
-    -------
-    int
-        Of a cause that takes one clock. A measurement takes three more.
+    The cause takes one clock; a measurement takes three more. The dead time is in clocks.
     """
     return 1 + (LEGS[tabled_leg].stop_steps - 1) * dead_time
 
 
 @dataclass
 class Leg:
-    """One leg: a goal, the actions that are planned, what is on.
+    """One leg: a goal, the actions that are planned, what is on."""
 
-    Attributes
-    ----------
-    tabled_leg : bool or str
-        Key of `LEGS`.
-    goal, settled : int
-        Position decided last, and the one that the last move begun leads to.
-    on : set of int
-        Gates that are on.
-    alive : bool
-        Whether the leg has a position, or is about to have one.
-    starts_at : int or None
-        Clock in which the gates of the first position go on.
-    plan : list of (int, int)
-        Clock and action of what is still to do, see `commutation`.
-    ready_at : int
-        Clock from which on the next move may begin.
-    changed_at : int
-        Clock in which gates changed last.
-    """
-
-    tabled_leg: bool | str
+    tabled_leg: bool | str  # Key of `LEGS`
+    # goal, settled: Position decided last, and the one that the last move begun leads to.
     goal: int = 0
     settled: int = 0
-    on: set[int] = field(default_factory=set)
-    alive: bool = False
-    starts_at: int | None = None
+    on: set[int] = field(default_factory=set)  # Gates that are on
+    alive: bool = False  # Whether the leg has a position, or is about to have one
+    starts_at: int | None = None  # Clock in which the gates of the first position go on
+    # Clock and action of what is still to do, see `commutation`.
     plan: list[tuple[int, int]] = field(default_factory=list)
-    ready_at: int = 0
-    changed_at: int = 0
+    ready_at: int = 0  # Clock from which on the next move may begin
+    changed_at: int = 0  # Clock in which gates changed last
 
     def stop(self, now: int, dead: int) -> None:
-        """One rising edge of a leg that goes off or is off: its gates go off step by step.
-
-        Parameters
-        ----------
-        now : int
-            Number of the edge.
-        dead : int
-            Dead time, clocks, at least 1.
-        """
+        """Edge `now` of a leg that goes off or is off: step by step, `dead` clocks (1 or more)."""
         self.alive, self.starts_at, self.plan = False, None, []
         leg = LEGS[self.tabled_leg]
         if self.on and (self.on & leg.stop_first or now >= self.changed_at + dead):
@@ -170,46 +101,18 @@ class Leg:
         self.on, self.alive, self.starts_at, self.plan = set(), False, None, []
 
     def legal(self, wanted: int) -> bool:
-        """Whether a position follows the goal, or the leg is off.
-
-        Parameters
-        ----------
-        wanted : int
-            Position, 0..7 (two-level: 0, 1).
-
-        Returns
-        -------
-        bool
-            Always true of a two-level leg.
-        """
+        """Whether a position follows the goal, or the leg is off; always of a two-level leg."""
         if not self.alive or not self.tabled_leg:
             return True
         return wanted in LEGS[self.tabled_leg].next_positions[self.goal]
 
     def blocked(self, wanted: int) -> bool:
-        """Whether a position moves a leg whose last move has not begun.
-
-        Parameters
-        ----------
-        wanted : int
-            Position, 0..7 (two-level: 0, 1).
-
-        Returns
-        -------
-        bool
-            False for the present goal.
-        """
+        """Whether a position moves a leg whose last move has not begun."""
         return self.waits and wanted != self.goal
 
     @property
     def waits(self) -> bool:
-        """Whether the last move has not begun: a position that moves the leg would be blocked.
-
-        Returns
-        -------
-        bool
-            False of a leg that is off.
-        """
+        """Whether the last move has not begun: a position that moves the leg would be blocked."""
         unsettled = self.goal != self.settled or self.starts_at is not None
         return self.alive and unsettled
 
@@ -217,24 +120,14 @@ class Leg:
     def taken(self) -> int | None:
         """Position that the gates have or move to.
 
-        Returns
-        -------
-        int or None
-            None of a leg that is off, or whose first gates are not on yet.
+        None of a leg that is off, or whose first gates are not on yet.
         """
         return self.settled if self.alive and self.starts_at is None else None
 
     def clock(self, now: int, dead: int, rest: int) -> None:
-        """One rising edge.
+        """Edge `now`, one more each time.
 
-        Parameters
-        ----------
-        now : int
-            Number of the edge; one more each time.
-        dead : int
-            Dead time, clocks, at least 1.
-        rest : int
-            Clocks from the end of a move to the next.
+        `dead`: dead time, 1 or more; `rest`: from the end of a move to the next; in clocks.
         """
         if self.starts_at == now:
             self.settled, self.starts_at = self.goal, None
@@ -258,18 +151,7 @@ class Leg:
                 self.on.remove(-action)
 
     def resting(self, now: int) -> bool:
-        """Whether nothing is under way after edge ``now``.
-
-        Parameters
-        ----------
-        now : int
-            Number of the edge.
-
-        Returns
-        -------
-        bool
-            True of a leg that is off.
-        """
+        """Whether nothing is under way after edge ``now``."""
         if not self.alive:
             return not self.on
         unsettled = self.goal != self.settled or self.starts_at is not None
@@ -282,103 +164,68 @@ HIGHEST_CURRENT, HIGHEST_VOLTAGE = 2**15 - 1, 2**16 - 1
 
 @dataclass
 class Inputs:
-    """Inputs of one clock, as the ports of ``gate_guard``; its positions come one clock earlier.
+    """Inputs of one clock, as the ports of ``gate_guard``; its positions come one clock earlier."""
 
-    Attributes
-    ----------
-    rst, enable, external_trip, driver_fault, upset, measured, start, decided : int
-        0 or 1.
-    clear : int
-        Faults to clear, one bit each in the order of `FAULTS`.
-    is_alpha, is_beta : int
-        Stator current, LSB of the current's port, signed.
-    v_dc : int
-        dc-link voltage, LSB of its port, unsigned.
-    position_a, position_b, position_c : int
-        Positions that `decided` takes, 0..7 (two-level: bit 0 counts alone).
-    renew : int
-        1: the settings change after this clock.
-    dead_time, minimum_on, minimum_off : int
-        Clocks, 12 bits, unsigned.
-    decision_limit, watchdog : int
-        Clocks, 16 bits, unsigned.
-    current_limit : int
-        LSB of the current's port, unsigned.
-    link_high, link_low : int
-        LSB of the port of v_dc, unsigned.
-    v_n, omega_r : int
-        Neutral point and speed, LSB of their ports, signed.
-    v_ph_a, v_ph_b, v_ph_c : int
-        Phase capacitors, LSB of their ports, unsigned; of a converter that has them, as v_n.
-    v_ph_high, v_ph_low, v_n_limit, speed_limit : int
-        Limits in the same units, unsigned.
-    frozen_limit : int
-        Repetitions of the currents that count as frozen, 0 to 255; 0: any number.
-    """
-
+    # rst, enable, external_trip, driver_fault, upset, measured, start, decided: 0 or 1.
     rst: int = 0
     enable: int = 0
     external_trip: int = 0
     driver_fault: int = 0
     upset: int = 0
-    clear: int = 0
+    clear: int = 0  # Faults to clear, one bit each in the order of `FAULTS`
     measured: int = 0
+    # is_alpha, is_beta: Stator current, LSB of the current's port, signed.
     is_alpha: int = 0
     is_beta: int = 0
-    v_dc: int = 0
+    v_dc: int = 0  # dc-link voltage, LSB of its port, unsigned
     start: int = 0
     decided: int = 0
+    # position_a, position_b, position_c: Positions that `decided` takes, 0..7 (two-level: bit 0
+    # counts alone).
     position_a: int = 0
     position_b: int = 0
     position_c: int = 0
-    renew: int = 0
+    renew: int = 0  # 1: the settings change after this clock
+    # dead_time, minimum_on, minimum_off: Clocks, 12 bits, unsigned.
     dead_time: int = 0
     minimum_on: int = 0
     minimum_off: int = 0
+    # decision_limit, watchdog: Clocks, 16 bits, unsigned.
     decision_limit: int = 0
     watchdog: int = 0
-    current_limit: int = 0
+    current_limit: int = 0  # LSB of the current's port, unsigned
+    # link_high, link_low: LSB of the port of v_dc, unsigned.
     link_high: int = 0
     link_low: int = 0
+    # v_n, omega_r: Neutral point and speed, LSB of their ports, signed.
     v_n: int = 0
+    # v_ph_a, v_ph_b, v_ph_c: Phase capacitors, LSB of their ports, unsigned; of a converter that
+    # has them, as v_n.
     v_ph_a: int = 0
     v_ph_b: int = 0
     v_ph_c: int = 0
     omega_r: int = 0
+    # v_ph_high, v_ph_low, v_n_limit, speed_limit: Limits in the same units, unsigned.
     v_ph_high: int = HIGHEST_VOLTAGE - 1
     v_ph_low: int = 0
     v_n_limit: int = HIGHEST_CURRENT - 1
     speed_limit: int = HIGHEST_CURRENT - 1
+    # Repetitions of the currents that count as frozen, 0 to 255; 0: any number.
     frozen_limit: int = 0
 
 
 @dataclass
 class Measurement:
-    """A measurement on its way through the comparisons, three clocks long.
+    """A measurement on its way through the comparisons, three clocks long."""
 
-    Attributes
-    ----------
-    is_alpha, is_beta : int
-        Stator current, LSB of the current's port, signed.
-    found : set of str
-        Trips found so far.
-    counts : bool
-        Taken while the guard was wanted, under the settings in force.
-    """
-
+    # is_alpha, is_beta: Stator current, LSB of the current's port, signed.
     is_alpha: int
     is_beta: int
-    found: set[str]
-    counts: bool
+    found: set[str]  # Trips found so far
+    counts: bool  # Taken while the guard was wanted, under the settings in force
 
     def compare_current(self, limit: int) -> None:
-        """Compare the phase currents.
-
-        Parameters
-        ----------
-        limit : int
-            LSB of the current's port, unsigned.
-        """
+        """Compare the phase currents. LSB of the current's port, unsigned."""
         # phases times 128, with 111/64 for the root of three
         phases = (
             128 * self.is_alpha,
@@ -395,21 +242,9 @@ def _beyond(value: int, limit: int) -> bool:
 
 
 def measurement_of(i: Inputs, counts: bool, tabled_leg: bool | str = False) -> Measurement | None:
-    """What begins its way in one clock.
+    """What begins its way in one clock, or None; the current is compared later.
 
-    Parameters
-    ----------
-    i : Inputs
-        Of this clock.
-    counts : bool
-        Whether it may let the gates come on.
-    tabled_leg : bool or str
-        Key of `LEGS`.
-
-    Returns
-    -------
-    Measurement or None
-        Compared with all limits but the current's; None where `measured` is 0.
+    `counts`: it may let the gates come on.
     """
     if not i.measured:
         return None
@@ -430,15 +265,7 @@ def measurement_of(i: Inputs, counts: bool, tabled_leg: bool | str = False) -> M
 
 
 class GateGuard:
-    """The guard of three legs.
-
-    Parameters
-    ----------
-    tabled_leg : bool or str
-        Key of `LEGS`.
-    least_dead_time : int
-        Clocks.
-    """
+    """The guard of three legs, of a key of `LEGS`; the least dead time is in clocks."""
 
     def __init__(self, tabled_leg: bool | str, least_dead_time: int) -> None:
         self.tabled_leg = tabled_leg
@@ -460,15 +287,10 @@ class GateGuard:
         self.line: list[Measurement | None] = [None, None, None]
 
     def clock(self, i: Inputs, refused: bool = False) -> None:
-        """One rising edge.
+        """One rising edge with the values before it.
 
-        Parameters
-        ----------
-        i : Inputs
-            Values before the edge.
-        refused : bool
-            Whether a leg's interlock has refused a pattern. The reference's legs want none that it
-            would.
+        `refused`: a leg's interlock has refused a pattern. The reference's legs want none that it
+        would.
         """
         self.now += 1
         codes = LEGS[self.tabled_leg].position_of_code if self.tabled_leg else (0, 1) * 4
@@ -568,78 +390,42 @@ class GateGuard:
 
     @property
     def gates(self) -> int:
-        """Gates as the port has them.
+        """Gates as the port has them, 8 bits a leg (two-level: 2), phase a lowest.
 
-        Returns
-        -------
-        int
-            8 bits a leg (two-level: 2), phase a lowest; bit n - 1 of a leg is gate n.
+        Bit n - 1 of a leg is gate n.
         """
         size = len(LEGS[self.tabled_leg].switches)
         return sum(1 << (x * size + gate - 1) for x, leg in enumerate(self.legs) for gate in leg.on)
 
     @property
     def running(self) -> bool:
-        """Whether gates follow decisions.
-
-        Returns
-        -------
-        bool
-            True from the edge on that takes the first decision.
-        """
+        """Whether gates follow decisions: from the edge on that takes the first one."""
         return self.state == "active"
 
     @property
     def live(self) -> bool:
         """Whether decisions may reach gates, where `enable` is 1.
 
-        Returns
-        -------
-        bool
-            True of a guard that has been disabled since the last reset or fault, and has none.
+        Disabled since the last reset or fault, and without a fault.
         """
         return self.primed and not self.faults
 
     @property
     def resting(self) -> bool:
-        """Whether no leg moves or is about to.
-
-        Returns
-        -------
-        bool
-            True as well of a guard that is off.
-        """
+        """Whether no leg moves or is about to. True as well of a guard that is off."""
         return all(leg.resting(self.now) for leg in self.legs)
 
     @property
     def taken(self) -> tuple[int | None, ...]:
-        """Positions that the gates have or move to.
-
-        Returns
-        -------
-        tuple of int or None
-            Of phases a, b, c, as `Leg.taken`.
-        """
+        """Positions that the gates have or move to."""
         return tuple(leg.taken for leg in self.legs)
 
     @property
     def waits(self) -> int:
-        """Legs whose last move has not begun, as the port has them.
-
-        Returns
-        -------
-        int
-            Bit 2: a, 1: b, 0: c.
-        """
+        """Legs whose last move has not begun, as the port has them: bit 2: a, 1: b, 0: c."""
         return sum(leg.waits << (2 - x) for x, leg in enumerate(self.legs))
 
     @property
     def fault_bits(self) -> int:
-        """Faults as the port has them.
-
-        Returns
-        -------
-        int
-            One bit each in the order of `FAULTS`.
-        """
+        """Faults as the port has them, one bit each in the order of `FAULTS`."""
         return sum(1 << n for n, name in enumerate(FAULTS) if name in self.faults)

@@ -16,19 +16,9 @@ from directmpc.host.protocol import Outcome, Type
 
 
 class JoinedLink(Link):
-    """Requests of this host, sent by a scope over its own link.
+    """Requests of this host, sent by a scope over its own link; `address` as it has printed it.
 
-    Parameters
-    ----------
-    address : str
-        As the scope has printed it.
-    timeout : float
-        Seconds to wait for a reply, above 0.
-
-    Raises
-    ------
-    LinkError
-        If it is no address.
+    `timeout` in s; LinkError if it is no address.
     """
 
     def __init__(self, address: str, timeout: float = 2.0) -> None:
@@ -39,29 +29,7 @@ class JoinedLink(Link):
         self._timeout, self.sequence, self.strays = timeout, 0, 0
 
     def request(self, kind: Type, payload: bytes = b"", *, once: bool = False) -> bytes:
-        """Send a request, as `Link.request` does.
-
-        Parameters
-        ----------
-        kind : Type
-            What is asked for.
-        payload : bytes
-            As the type needs it.
-        once : bool
-            As of `Link.request`.
-
-        Returns
-        -------
-        bytes
-            The reply's payload.
-
-        Raises
-        ------
-        LinkError
-            If no reply comes, or the scope does not let it through.
-        RefusedError
-            If the board refuses it.
-        """
+        """Send a request, as `Link.request` does; LinkError if the scope refuses it."""
         body = bytes([kind, once]) + payload
         try:
             with urllib.request.urlopen(self._address, body, self._timeout) as answer:

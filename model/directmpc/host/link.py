@@ -26,24 +26,7 @@ class LinkError(RuntimeError):
 
 
 class RefusedError(RuntimeError):
-    """The board has refused a request.
-
-    Parameters
-    ----------
-    kind : Type
-        What was asked for.
-    outcome : Outcome
-        Why it was refused.
-    last_sequence : int
-        Last sequence number the board has acted upon.
-
-    Attributes
-    ----------
-    outcome : Outcome
-        Why.
-    last_sequence : int
-        Last sequence number it has acted upon.
-    """
+    """The board has refused a request, with its outcome and the last sequence number acted upon."""
 
     def __init__(self, kind: Type, outcome: Outcome, last_sequence: int) -> None:
         super().__init__(f"{kind.name} was refused: {REASONS[outcome]}")
@@ -66,22 +49,10 @@ class Stream(Protocol):
     """A stream of bytes as a link needs it."""
 
     def write(self, data: bytes, /) -> object:
-        """Send all of it.
-
-        Parameters
-        ----------
-        data : bytes
-            Bytes on the line, delimiters included.
-        """
+        """Send all bytes, delimiters included."""
 
     def read(self) -> bytes:
-        """What has come, at once; waits a little if nothing has.
-
-        Returns
-        -------
-        bytes
-            Empty where nothing has come.
-        """
+        """What has come, at once; waits a little if nothing has, then empty."""
 
 
 MOST_RATE = 2**31 - 1
@@ -92,14 +63,7 @@ _TAKEN = (errno.EAGAIN, errno.EBUSY)
 
 
 def line_failures() -> tuple[type[Exception], ...]:
-    """What can go wrong with a line.
-
-    Returns
-    -------
-    tuple of type
-        `OSError`, what a driver says to settings that it does not know, and `termios.error` where
-        there is termios; that one is no `OSError`.
-    """
+    """Errors of a line: `OSError` and, where there is termios, `termios.error`, which is none."""
     found: tuple[type[Exception], ...] = (OSError, ValueError, OverflowError)
     try:
         return (*found, importlib.import_module("termios").error)
@@ -108,18 +72,7 @@ def line_failures() -> tuple[type[Exception], ...]:
 
 
 def why(error: Exception) -> str:
-    """A failure of a line in words.
-
-    Parameters
-    ----------
-    error : Exception
-        One of `line_failures`.
-
-    Returns
-    -------
-    str
-        Without the number, and without the port's name where the system gives a reason.
-    """
+    """A failure of a line in words, without number, and without port where there is a reason."""
     # pyserial wraps some, and termios.error has no attribute of its number
     for one in (error, error.__context__):
         number = getattr(one, "errno", None)
@@ -133,39 +86,13 @@ def why(error: Exception) -> str:
 
 
 def check_rate(port: str, rate: int) -> None:
-    """Refuse a rate that no driver can be asked for.
-
-    Parameters
-    ----------
-    port : str
-        For the message.
-    rate : int
-        Bits a second.
-
-    Raises
-    ------
-    LinkError
-        If it is none.
-    """
+    """LinkError for a rate (bits a second) that no driver can be asked for."""
     if not 1 <= rate <= MOST_RATE:
         raise LinkError(f"{port}: a rate of {rate}; it has to be 1 to {MOST_RATE} bits a second")
 
 
 class SerialStream:
-    """A UART.
-
-    Parameters
-    ----------
-    port : str
-        Device, or any URL that pyserial takes.
-    baud : int
-        Bit rate, 1/s.
-
-    Raises
-    ------
-    LinkError
-        If it cannot be opened, or pyserial is not installed.
-    """
+    """A UART: a device or any URL of pyserial, `baud` in 1/s; LinkError if it cannot be opened."""
 
     def __init__(self, port: str, baud: int) -> None:
         try:
@@ -186,41 +113,14 @@ class SerialStream:
         self._serial = opened
 
     def write(self, data: bytes, /) -> object:
-        """Send all of it.
-
-        Parameters
-        ----------
-        data : bytes
-            Bytes on the line, delimiters included.
-
-        Returns
-        -------
-        object
-            What pyserial returns.
-
-        Raises
-        ------
-        LinkError
-            If the line fails.
-        """
+        """Send all bytes, delimiters included; LinkError if the line fails."""
         try:
             return self._serial.write(data)
         except self._failures as error:
             raise LinkError(f"{self.port}: {why(error)}") from None
 
     def read(self) -> bytes:
-        """What has come, at once; waits up to 50 ms if nothing has.
-
-        Returns
-        -------
-        bytes
-            Empty where nothing has come.
-
-        Raises
-        ------
-        LinkError
-            If the line fails.
-        """
+        """What has come, at once; waits up to 50 ms if nothing has. LinkError if the line fails."""
         try:
             return self._serial.read(max(1, self._serial.in_waiting))
         except self._failures as error:
@@ -234,29 +134,9 @@ class SerialStream:
 class Link:
     """Requests and their replies.
 
-    Parameters
-    ----------
-    stream : Stream
-        The line.
-    timeout : float
-        Seconds to wait for a reply, above 0.
-    attempts : int
-        How often a request that does no harm twice is sent.
-    clock : callable
-        Time in seconds, without jumps.
-
-    Attributes
-    ----------
-    sequence
-        Sequence number of the last request.
-    strays
-        Frames that were no answer to the request under way; broken ones count as well, and requests
-        that come back on a line that echoes.
-
-    Raises
-    ------
-    ValueError
-        If the time to wait is none.
+    `timeout` in s, above 0, else ValueError. `attempts`: how often a request that does no harm
+    twice is sent. `sequence`: number of the last request. `strays`: frames that were no answer to
+    it, broken ones and echoes too.
     """
 
     def __init__(
@@ -276,28 +156,8 @@ class Link:
     def request(self, kind: Type, payload: bytes = b"", *, once: bool = False) -> bytes:
         """Send a request and return its reply's payload (docs/protocol.md).
 
-        Parameters
-        ----------
-        kind : Type
-            What is asked for.
-        payload : bytes
-            As the type needs it, at most MAX_PAYLOAD bytes.
-        once : bool
-            Do not repeat it: a step that was acted upon must not be taken twice.
-
-        Returns
-        -------
-        bytes
-            As long as ``protocol.REPLY_SIZE`` says.
-
-        Raises
-        ------
-        LinkError
-            If no reply comes, or the line fails.
-        RefusedError
-            If the board refuses it.
-        ProtocolError
-            If the payload is too long.
+        `once`: a step that was acted upon must not be taken twice. LinkError without a reply,
+        RefusedError by the board, ProtocolError above MAX_PAYLOAD bytes.
         """
         resynchronised = False
         attempt = 0

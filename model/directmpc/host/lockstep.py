@@ -39,43 +39,19 @@ _VOLTAGES = [list(MEASUREMENTS).index(name) for name in ("v_n", "v_ph_a", "v_ph_
 
 @dataclass(frozen=True)
 class LockStep:
-    """What a run over a link gave.
+    """What a run over a link gave."""
 
-    Attributes
-    ----------
-    steps
-        Decisions made.
-    differing
-        Decisions that differ from the bit-true model's on the same inputs.
-    seconds
-        Time it took.
-    cycles
-        (n,) clock cycles of each decision, counted by the board.
-    gates
-        (n,) gate signals at the time of each reply.
-    running
-        (n,) whether the gate guard let them through.
-    faults
-        Latched faults at the end.
-    """
-
-    steps: int
-    differing: int
-    seconds: float
-    cycles: IntArray
-    gates: IntArray
-    running: IntArray
-    faults: int
+    steps: int  # Decisions made
+    differing: int  # Decisions that differ from the bit-true model's on the same inputs
+    seconds: float  # Time it took
+    cycles: IntArray  # (n,) clock cycles of each decision, counted by the board
+    gates: IntArray  # (n,) gate signals at the time of each reply
+    running: IntArray  # (n,) whether the gate guard let them through
+    faults: int  # Latched faults at the end
 
     @property
     def rate(self) -> float:
-        """Steps a second.
-
-        Returns
-        -------
-        float
-            1/s; 0 where no time has passed.
-        """
+        """Steps a second; 0 where no time has passed."""
         return self.steps / self.seconds if self.seconds else 0.0
 
 
@@ -83,22 +59,7 @@ class LockStep:
 def gates_enabled(board: Board) -> Iterator[None]:
     """Start the drive, and turn it off again whatever happens.
 
-    Parameters
-    ----------
-    board : Board
-        Board that has been loaded.
-
-    Yields
-    ------
-    None
-        While the gates may switch.
-
-    Raises
-    ------
-    LinkError
-        If the board does not answer.
-    TrippedError
-        If a fault stands against it.
+    LinkError or TrippedError where it cannot be started.
     """
     board.start()
     try:
@@ -110,17 +71,7 @@ def gates_enabled(board: Board) -> Iterator[None]:
 def warm_up(drive: Drive | MptcDrive, variant: str = DEFAULT_VARIANT) -> None:
     """Compile model and plant, so that no step of a loop waits for it while a watchdog runs.
 
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        What the loop is of.
-    variant : str
-        "fast" or "paper": which model of MPDCC.
-
-    Raises
-    ------
-    ValueError
-        If the model cannot represent the drive.
+    ValueError if the model cannot represent the drive.
     """
     model = ModelController(drive, variant)
     kind_of(drive).warm_up(drive, model)
@@ -304,44 +255,11 @@ def run_mpdcc(
     *,
     ramp_down: int = 0,
 ) -> tuple[LockStep, MpdccTrace, Decisions]:
-    """MPDCC at rated current from the steady state.
+    """MPDCC at rated current from the steady state at a stator frequency per unit.
 
-    Parameters
-    ----------
-    board : Board
-        Board of an MPDCC core that has been loaded with `drive`.
-    drive : Drive
-        Machine and inverter of the plant; also what the model compares with.
-    speed : float
-        Stator frequency, per unit.
-    steps : int
-        Control steps.
-    variant : str
-        "fast" or "paper": which model decides on the same states.
-    progress : callable, optional
-        Called with the number of steps made.
-    ramp_down : int
-        How many of the steps are the last ones, in which the reference falls to zero.
-
-    Returns
-    -------
-    run : LockStep
-        Summary.
-    seen : MpdccTrace
-        What the board saw, a trace that can be replayed, per unit.
-    decisions : Decisions
-        What it decided, with `exhausted`.
-
-    Raises
-    ------
-    LinkError
-        If the board does not answer, or the core gives no decision.
-    RefusedError
-        If the board refuses a step.
-    TrippedError
-        If the drive was started and the gate guard holds a fault.
-    ValueError
-        If there is no steady state at this speed.
+    Summary, what the board saw as a trace, and its decisions. In the last `ramp_down` steps the
+    reference falls to zero. LinkError, RefusedError or TrippedError of the board; ValueError
+    without a steady state.
     """
     profile = mpdcc_loop.constant_profile(drive, mpdcc_loop.OperatingPoint(speed), steps)
     ramp = (steps - ramp_down, ramp_down)
@@ -372,42 +290,9 @@ def run_mptc(
 ) -> LockStep:
     """A two-level drive at a constant operating point; the decision acts one step later.
 
-    Parameters
-    ----------
-    board : Board
-        Board of an MPTC core that has been loaded with `drive`.
-    drive : MptcDrive
-        Machine and inverter of the plant; also what the model compares with.
-    rpm : float
-        Mechanical speed, 1/min.
-    load : float
-        Load torque and torque reference, N*m.
-    psi_ref : float
-        Stator flux reference, Wb.
-    steps : int
-        Control steps.
-    progress : callable, optional
-        Called with the number of steps made.
-    sensorless : bool
-        Whether the board has been loaded to estimate speed and flux.
-    ramp_down : int
-        How many of the steps are the last ones, in which the reference falls to zero.
-
-    Returns
-    -------
-    LockStep
-        Summary.
-
-    Raises
-    ------
-    LinkError
-        If the board does not answer, or the core gives no decision.
-    RefusedError
-        If the board refuses a step.
-    TrippedError
-        If the drive was started and the gate guard holds a fault.
-    ValueError
-        If the torque is beyond breakdown at this flux.
+    `rpm` in 1/min, torque in N*m, flux in Wb. In the last `ramp_down` steps the reference falls to
+    zero. LinkError, RefusedError or TrippedError of the board; ValueError beyond the breakdown
+    torque at this flux.
     """
     scenario = mptc_loop.constant(drive, rpm, load, psi_ref, steps)
     ramp = (steps - ramp_down, ramp_down)

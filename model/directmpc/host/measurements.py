@@ -14,18 +14,7 @@ from directmpc.states import State
 
 
 class Encoder:
-    """Turns states of a drive into words.
-
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        What the board was loaded with.
-
-    Raises
-    ------
-    ValueError
-        If the words cannot represent the drive.
-    """
+    """Turns states of a drive into words; ValueError if they cannot represent the drive."""
 
     def __init__(self, drive: Drive | MptcDrive) -> None:
         self.drive = drive
@@ -34,28 +23,10 @@ class Encoder:
         self.words(kind.idle)  # compiled here, and not in the first step while a watchdog waits
 
     def words(self, state: State | Mapping[str, Any]) -> tuple[list[int], bool, int]:
-        """Words of a state.
+        """Words of a state or a row of its trace, whether one was clipped, and what is applied.
 
-        Parameters
-        ----------
-        state : MpdccState, MptcState or mapping
-            As the drive's kind is, per unit or SI; or a row of its trace by column names.
-
-        Returns
-        -------
-        words : list of int
-            The core's measurement ports, in port order, in LSB of their formats.
-        clipped : bool
-            Whether a value lay outside its word and became the nearest.
-        position : int
-            What is applied until now. MPDCC: s(k-1), packed; MPTC: u, of a sequence the first.
-
-        Raises
-        ------
-        TypeError
-            If it is no state of the drive's kind.
-        StateError
-            If a value is impossible, or several vectors are applied where the method has one.
+        The core's ports in order, in LSB; MPDCC: s(k-1) packed, MPTC: u, of a sequence the first.
+        TypeError or StateError for what is no state of the drive.
         """
         words, applied, clipped = self._encode(state_of(self.drive, state))
         position = applied["u"] if "u" in applied else packed_positions(tuple(applied.values()))

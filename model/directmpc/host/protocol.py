@@ -103,18 +103,7 @@ STEP_WORDS = {Controller.MPDCC: 13, Controller.MPTC: 8}
 
 
 def step_size(controller: Controller) -> int:
-    """Payload bytes of a STEP request.
-
-    Parameters
-    ----------
-    controller : Controller
-        Build option of the top.
-
-    Returns
-    -------
-    int
-        28 for MPDCC, 18 for MPTC.
-    """
+    """Payload bytes of a STEP request: 28 for MPDCC, 18 for MPTC."""
     return 2 * STEP_WORDS[controller] + 2
 
 
@@ -142,34 +131,16 @@ class ProtocolError(ValueError):
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame as both ends see it.
+    """A frame as both ends see it."""
 
-    Attributes
-    ----------
-    kind : int
-        Type byte, 0 to 255.
-    sequence : int
-        0 to 2**32 - 1.
-    payload : bytes
-        At most ``MAX_PAYLOAD``.
-    """
-
-    kind: int
-    sequence: int
-    payload: bytes = b""
+    kind: int  # Type byte, 0 to 255
+    sequence: int  # 0 to 2**32 - 1
+    payload: bytes = b""  # At most ``MAX_PAYLOAD``
 
     def body(self) -> bytes:
-        """The frame with its CRC, not stuffed.
+        """The frame with its CRC-32, not stuffed; ProtocolError above MAX_PAYLOAD bytes.
 
-        Returns
-        -------
-        bytes
-            Type, length, sequence number, payload, CRC-32; OVERHEAD to MAX_FRAME bytes.
-
-        Raises
-        ------
-        ProtocolError
-            If the payload is longer than MAX_PAYLOAD.
+        Type, length, sequence number, payload, CRC; OVERHEAD to MAX_FRAME bytes.
         """
         if len(self.payload) > MAX_PAYLOAD:
             raise ProtocolError(f"payload of {len(self.payload)} bytes; at most {MAX_PAYLOAD} fit")
@@ -177,39 +148,12 @@ class Frame:
         return head + self.payload + struct.pack("<I", zlib.crc32(head + self.payload))
 
     def wire(self) -> bytes:
-        """The bytes on the line, delimiters included.
-
-        Returns
-        -------
-        bytes
-            Two more than the stuffed frame has.
-
-        Raises
-        ------
-        ProtocolError
-            If the payload is longer than MAX_PAYLOAD.
-        """
+        """The stuffed bytes with both delimiters; ProtocolError above MAX_PAYLOAD bytes."""
         return bytes([DELIMITER]) + stuff(self.body()) + bytes([DELIMITER])
 
 
 def stuff(data: bytes) -> bytes:
-    """COBS: the same bytes without a zero among them (blocks below 254 bytes only).
-
-    Parameters
-    ----------
-    data : bytes
-        At most 253.
-
-    Returns
-    -------
-    bytes
-        One more than `data` has.
-
-    Raises
-    ------
-    ProtocolError
-        If there are more bytes than one block takes.
-    """
+    """COBS of at most 253 bytes: one more, without a zero among them; ProtocolError above."""
     if len(data) > 253:
         raise ProtocolError(f"{len(data)} bytes are more than one COBS block")
     out = bytearray()
@@ -219,23 +163,7 @@ def stuff(data: bytes) -> bytes:
 
 
 def unstuff(data: bytes) -> bytes:
-    """Undo ``stuff``.
-
-    Parameters
-    ----------
-    data : bytes
-        Between two delimiters.
-
-    Returns
-    -------
-    bytes
-        What was stuffed.
-
-    Raises
-    ------
-    ProtocolError
-        Where the blocks do not add up.
-    """
+    """Undo ``stuff``; ProtocolError where the blocks do not add up."""
     out = bytearray()
     at = 0
     while at < len(data):
@@ -253,17 +181,7 @@ def unstuff(data: bytes) -> bytes:
 def judge(stuffed: bytes) -> tuple[Outcome, Frame | None]:
     """What a receiver makes of the bytes between two delimiters, as the RTL does.
 
-    Parameters
-    ----------
-    stuffed : bytes
-        Without the delimiters.
-
-    Returns
-    -------
-    outcome : Outcome
-        ``ACCEPTED`` or the first reason that applies, of those that need the bytes alone.
-    frame : Frame or None
-        The frame if it is accepted.
+    ``ACCEPTED`` and the frame, or the first reason that applies and None.
     """
     # The receiver counts what it has unstuffed, so a frame is too long before it is broken.
     body, left = bytearray(), 0
@@ -294,49 +212,19 @@ NUMBER_BITS = 31
 
 
 def first_sequence(link: int) -> int:
-    """Last sequence number of a link on which nothing has acted yet.
-
-    Parameters
-    ----------
-    link : int
-        0 UART, 1 SPI.
-
-    Returns
-    -------
-    int
-        0 to 2**32 - 1.
-    """
+    """Last sequence number of a link (0 UART, 1 SPI) on which nothing has acted yet."""
     return link << NUMBER_BITS
 
 
 def next_sequence(sequence: int) -> int:
-    """The sequence number after one, of the same link.
-
-    Parameters
-    ----------
-    sequence : int
-        0 to 2**32 - 1.
-
-    Returns
-    -------
-    int
-        One more; the link's first after its last.
-    """
+    """The sequence number (32 bits) after one; the link's first after its last."""
     return sequence >> NUMBER_BITS << NUMBER_BITS | (sequence + 1) % 2**NUMBER_BITS
 
 
 def is_newer(sequence: int, last: int) -> bool:
     """Whether a sequence number is of the same link as the last one and lies ahead of it.
 
-    Parameters
-    ----------
-    sequence, last : int
-        0 to 2**32 - 1.
-
-    Returns
-    -------
-    bool
-        True by 1 to 2**30, modulo 2**31; false for the same number and for the other link's.
+    By 1 to 2**30, modulo 2**31.
     """
     same = sequence >> NUMBER_BITS == last >> NUMBER_BITS
     return same and 0 < (sequence - last) % 2**NUMBER_BITS <= 2 ** (NUMBER_BITS - 1)
@@ -351,15 +239,7 @@ class Splitter:
     def feed(self, data: bytes) -> list[bytes]:
         """The stuffed bytes of every frame that ended; empty ones are idle time.
 
-        Parameters
-        ----------
-        data : bytes
-            As they come from the line; frames may begin and end anywhere in them.
-
-        Returns
-        -------
-        list of bytes
-            In order; what has not ended is kept for the next call.
+        Frames may begin and end anywhere in `data`; what has not ended is kept.
         """
         found = []
         for byte in data:
@@ -378,56 +258,22 @@ class Splitter:
 
 @dataclass(frozen=True)
 class Identity:
-    """Reply to IDENTIFY: 16 bytes.
+    """Reply to IDENTIFY: 16 bytes."""
 
-    Attributes
-    ----------
-    version
-        Of the protocol.
-    controller
-        Build option.
-    explorers
-        Of MPDCC, 0 for MPTC.
-    options
-        Bit 0: paper's explorers (FOLDED) or, for MPTC, MPFC built in; bit 1: this link is in
-        control.
-    last_sequence
-        Last sequence number that was acted upon on this link; bit 31 is the link.
-    clock
-        Clock of the core, Hz.
-    limit
-        Clocks a frame may take from its first byte to its end on this link.
-    """
-
-    version: int
-    controller: Controller
-    explorers: int
+    version: int  # Of the protocol
+    controller: Controller  # Build option
+    explorers: int  # Of MPDCC, 0 for MPTC
+    # Bit 0: paper's explorers (FOLDED) or, for MPTC, MPFC built in; bit 1: this link is in control.
     options: int
-    last_sequence: int
-    clock: int
-    limit: int
+    last_sequence: int  # Last sequence number that was acted upon on this link; bit 31 is the link
+    clock: int  # Clock of the core, Hz
+    limit: int  # Clocks a frame may take from its first byte to its end on this link
 
     FORMAT = "<BBBBIII"
 
     @classmethod
     def unpack(cls, payload: bytes) -> Identity:
-        """Read a payload.
-
-        Parameters
-        ----------
-        payload : bytes
-            16 of them.
-
-        Returns
-        -------
-        Identity
-            Its fields.
-
-        Raises
-        ------
-        ProtocolError
-            If there are not 16 bytes, or there is no such controller.
-        """
+        """Read a payload; ProtocolError unless it has 16 bytes and a known controller."""
         if len(payload) != struct.calcsize(cls.FORMAT):
             raise ProtocolError(f"an identity of {len(payload)} bytes; it has 16")
         version, controller, explorers, options, last, clock, limit = struct.unpack(
@@ -438,18 +284,7 @@ class Identity:
         return cls(version, Controller(controller), explorers, options, last, clock, limit)
 
     def pack(self) -> bytes:
-        """The payload.
-
-        Returns
-        -------
-        bytes
-            16, little-endian.
-
-        Raises
-        ------
-        struct.error
-            If a field does not fit.
-        """
+        """The payload, 16 bytes, little-endian."""
         return struct.pack(
             self.FORMAT, self.version, self.controller, self.explorers, self.options,
             self.last_sequence, self.clock, self.limit,
@@ -458,98 +293,38 @@ class Identity:
 
 @dataclass(frozen=True)
 class Decision:
-    """Reply to STEP: 12 bytes.
+    """Reply to STEP: 12 bytes."""
 
-    Attributes
-    ----------
-    position
-        MPDCC: s_a + 8*s_b + 64*s_c. MPTC: u + 8*(switch states, phase a in bit 2).
-    flags
-        Bits as in ``Flag``.
-    length
-        L* in steps, 0 for MPTC.
-    cycles
-        Clocks from the core's start to its valid.
-    faults
-        Latched fault codes of the gate guard.
-    gates
-        Gate signals at the time of the reply, one bit each.
-    """
-
-    position: int
-    flags: int
-    length: int
-    cycles: int
-    faults: int
-    gates: int
+    position: int  # MPDCC: s_a + 8*s_b + 64*s_c. MPTC: u + 8*(switch states, phase a in bit 2)
+    flags: int  # Bits as in ``Flag``
+    length: int  # L* in steps, 0 for MPTC
+    cycles: int  # Clocks from the core's start to its valid
+    faults: int  # Latched fault codes of the gate guard
+    gates: int  # Gate signals at the time of the reply, one bit each
 
     FORMAT = "<HBBHHI"
 
     @classmethod
     def unpack(cls, payload: bytes) -> Decision:
-        """Read a payload.
-
-        Parameters
-        ----------
-        payload : bytes
-            12 of them.
-
-        Returns
-        -------
-        Decision
-            Its fields.
-
-        Raises
-        ------
-        ProtocolError
-            If there are not 12 bytes.
-        """
+        """Read a payload; ProtocolError unless it has 12 bytes."""
         if len(payload) != struct.calcsize(cls.FORMAT):
             raise ProtocolError(f"a decision of {len(payload)} bytes; it has 12")
         return cls(*struct.unpack(cls.FORMAT, payload))
 
     def pack(self) -> bytes:
-        """The payload.
-
-        Returns
-        -------
-        bytes
-            12, little-endian.
-
-        Raises
-        ------
-        struct.error
-            If a field does not fit.
-        """
+        """The payload, 12 bytes, little-endian."""
         return struct.pack(
             self.FORMAT, self.position, self.flags, self.length, self.cycles, self.faults,
             self.gates,
         )  # fmt: skip
 
     def has(self, flag: Flag) -> bool:
-        """Whether a flag is set.
-
-        Parameters
-        ----------
-        flag : Flag
-            Bit of `flags`.
-
-        Returns
-        -------
-        bool
-            True where it is 1.
-        """
+        """Whether a flag is set."""
         return bool(self.flags >> flag & 1)
 
     @property
     def positions(self) -> tuple[int, int, int]:
-        """MPDCC's switch positions of the three phases.
-
-        Returns
-        -------
-        s_a, s_b, s_c : int
-            0..7.
-        """
+        """MPDCC's switch positions of the three phases."""
         return self.position & 7, self.position >> 3 & 7, self.position >> 6 & 7
 
 
@@ -560,40 +335,15 @@ COUNT_PLACE, COUNT_BITS = 9, 7
 def is_newer_count(count: int, last: int) -> bool:
     """Whether a measurement's count is one that a board with its gates on takes.
 
-    Parameters
-    ----------
-    count, last : int
-        Of this STEP and of the last one that acted.
-
-    Returns
-    -------
-    bool
-        True if it is ahead by 1 to 64, modulo 128.
+    It is ahead by 1 to 64, modulo 128.
     """
     return 1 <= (count - last) % 2**COUNT_BITS <= 2 ** (COUNT_BITS - 1)
 
 
 def step_payload(words: list[int], position: int, count: int) -> bytes:
-    """Payload of a STEP request.
+    """Payload of a STEP request, little-endian, of the lower 16 bits of each word.
 
-    Parameters
-    ----------
-    words : list of int
-        The core's measurement ports in port order; the lower 16 bits of each are sent.
-    position : int
-        MPDCC: s(k-1), packed; MPTC: u. 9 bits, unsigned.
-    count : int
-        Of the measurement, raised by one with each; its lower seven bits are sent.
-
-    Returns
-    -------
-    bytes
-        Two for each word and two for position and count, little-endian.
-
-    Raises
-    ------
-    struct.error
-        If the position does not fit.
+    `position` (9 bits): s(k-1) packed, or u; `count`: lower seven bits of the measurement's number.
     """
     if not 0 <= position < 1 << COUNT_PLACE:
         raise struct.error(f"position: got {position}, allowed: 0 to {(1 << COUNT_PLACE) - 1}")
@@ -602,16 +352,5 @@ def step_payload(words: list[int], position: int, count: int) -> bytes:
 
 
 def packed_positions(s: tuple[int, int, int] | list[int]) -> int:
-    """Switch positions of three phases in a word.
-
-    Parameters
-    ----------
-    s : tuple or list of int
-        Positions of phases a, b, c, 0..7.
-
-    Returns
-    -------
-    int
-        s_a + 8*s_b + 64*s_c.
-    """
+    """Switch positions of three phases in a word: s_a + 8*s_b + 64*s_c."""
     return int(s[0]) + 8 * int(s[1]) + 64 * int(s[2])

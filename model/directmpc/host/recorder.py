@@ -40,23 +40,14 @@ CAUSES = ("fault", "deadlock", "saturated", "level", "manual")
 
 @dataclass(frozen=True)
 class Field:
-    """Bits of a record.
+    """Bits of a record."""
 
-    Attributes
-    ----------
-    name : str
-        Of the quantity; in a recording that of its column.
-    word, low, width : int
-        Where it stands: word of the record, lowest bit, number of bits.
-    signed : bool
-        Two's complement.
-    """
-
-    name: str
+    name: str  # Of the quantity; in a recording that of its column
+    # word, low, width: Where it stands: word of the record, lowest bit, number of bits.
     word: int
     low: int
     width: int
-    signed: bool = False
+    signed: bool = False  # Two's complement
 
 
 def _halves(first: int, names: Sequence[tuple[str, int, bool]]) -> tuple[Field, ...]:
@@ -126,18 +117,7 @@ one."""
 
 
 def words(controller: str) -> tuple[int, int]:
-    """How many words a record has before the decision, and from it on.
-
-    Parameters
-    ----------
-    controller : str
-        "mpdcc" or "mptc".
-
-    Returns
-    -------
-    inputs, results : int
-        Words from 0 on, and words from `RESULTS_AT` on.
-    """
+    """Words of a record before the decision, and words from `RESULTS_AT` on."""
     used = [f.word for f in FIELDS[controller]]
     return max(w for w in used if w < RESULTS_AT) + 1, max(used) + 1 - RESULTS_AT
 
@@ -196,30 +176,11 @@ class Settings:
 def level(
     drive: Drive | MptcDrive, name: str, value: float | Sequence[int], edge: str, **others: Any
 ) -> Settings:
-    """Settings that trigger on a quantity.
+    """Settings that trigger on a quantity, in the unit of the drive file.
 
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        What the board is loaded with: its formats.
-    name : str
-        Of a measurement or reference as the trace has it; "applied" or "applied_next"; "cycles".
-    value : float or sequence of int
-        In the unit of the drive file; of `applied` the three positions, or the three vectors.
-    edge : str
-        "rising": it comes to the value or above, "falling": it comes below, "equal": it is it.
-    **others
-        Of `Settings`.
-
-    Returns
-    -------
-    Settings
-        With this trigger, and that of a trip unless `others` says otherwise.
-
-    Raises
-    ------
-    ValueError
-        If there is no such quantity or edge, or the value does not fit its word.
+    `name` is that of the trace, "applied", "applied_next" or "cycles"; `edge` is "rising",
+    "falling" or "equal". A trip triggers too unless `others` says otherwise. ValueError for a
+    quantity, edge or value that there is not.
     """
     mptc = isinstance(drive, MptcDrive)
     formats = mptc_formats.measurement_formats(drive) if mptc else mpdcc_formats.MEASUREMENTS
@@ -249,25 +210,7 @@ def level(
 
 
 def number(text: str, given: str) -> float:
-    """A number of a setting.
-
-    Parameters
-    ----------
-    text : str
-        What should be one.
-    given : str
-        The whole setting, for the message.
-
-    Returns
-    -------
-    float
-        Finite.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
+    """A finite number of a setting; ValueError, which shows all of `given`, for anything else."""
     try:
         value = float(text)
     except ValueError:
@@ -281,26 +224,12 @@ def number(text: str, given: str) -> float:
 class RecorderModel:
     """What the recorder does, step by step; ``rtl/system/recorder.vhd`` does the same.
 
-    Attributes
-    ----------
-    rows_log2 : int
-        Rows of the ring, as a power of two.
-    settings : Settings
-        In force at once.
-    memory : ndarray of uint32, shape (rows, STRIDE)
-        The ring.
-    row : int
-        Where the next record goes.
-    full : bool
-        Whether every row has been written since it was armed.
-    recording, triggered : bool
-        Whether records are kept, and whether something has triggered.
-    cause : dict of str to bool
-        What has triggered, by `CAUSES`; all of it, until the recording ends.
+    `memory` is the ring (rows, STRIDE), `row` where the next record goes; `full` once every row has
+    been written; `cause` all that has triggered, by `CAUSES`.
     """
 
-    rows_log2: int
-    settings: Settings = field(default_factory=Settings)
+    rows_log2: int  # Rows of the ring, as a power of two
+    settings: Settings = field(default_factory=Settings)  # In force at once
 
     def __post_init__(self) -> None:
         self.memory = np.zeros((1 << self.rows_log2, STRIDE), dtype=np.uint32)
@@ -326,15 +255,7 @@ class RecorderModel:
         return (s.equal and value == level) or (edge and (s.rising if above else s.falling))
 
     def event(self, *, tripped: bool = False, manual: bool = False) -> None:
-        """Something happens between two decisions.
-
-        Parameters
-        ----------
-        tripped : bool
-            The gate guard trips.
-        manual : bool
-            The host triggers.
-        """
+        """Something happens between two decisions."""
         now = {"fault": tripped and self.settings.fault, "manual": manual}
         if not self.recording or not any(now.values()):
             return
@@ -352,16 +273,9 @@ class RecorderModel:
         tripped: bool = False,
         manual: bool = False,
     ) -> None:
-        """A decision has been made.
+        """A decision has been made, a record of `STRIDE` words of 32 bits.
 
-        Parameters
-        ----------
-        record : sequence of int
-            Words of 32 bits, `STRIDE` of them.
-        deadlock, saturated : bool
-            Flags of the decision.
-        tripped, manual : bool
-            Whether the gate guard tripped, or the host triggered, since the decision began.
+        `tripped`, `manual`: trip and host's trigger since the decision began.
         """
         if not self.recording:
             return
@@ -390,20 +304,7 @@ class RecorderModel:
 
 
 def pack(controller: str, values: Mapping[str, int]) -> list[int]:
-    """Words of a record.
-
-    Parameters
-    ----------
-    controller : str
-        "mpdcc" or "mptc".
-    values : mapping of str to int
-        By the names of the fields; 0 where none is given.
-
-    Returns
-    -------
-    list of int
-        `STRIDE` words of 32 bits.
-    """
+    """Words of a record, `STRIDE` of 32 bits, of fields by name; 0 where none is given."""
     record = [0] * STRIDE
     for f in FIELDS[controller]:
         record[f.word] |= (int(values.get(f.name, 0)) & (1 << f.width) - 1) << f.low
@@ -411,20 +312,7 @@ def pack(controller: str, values: Mapping[str, int]) -> list[int]:
 
 
 def unpack(controller: str, rows: NDArray[Any]) -> dict[str, IntArray]:
-    """Fields of records.
-
-    Parameters
-    ----------
-    controller : str
-        "mpdcc" or "mptc".
-    rows : ndarray of int, shape (n, words)
-        Words of 32 bits, as many as the controller's records have at least.
-
-    Returns
-    -------
-    dict of str to ndarray of int64, shape (n,)
-        By the names of the fields.
-    """
+    """Fields of records (n, words) by name, each (n,)."""
     found = {}
     for f in FIELDS[controller]:
         value = np.asarray(rows)[:, f.word].astype(np.int64) >> f.low & (1 << f.width) - 1
@@ -439,44 +327,22 @@ def _three(packed: IntArray) -> IntArray:
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """What the recorder of a board is at.
+    """What the recorder of a board is at."""
 
-    Attributes
-    ----------
-    rows : int
-        Of its ring.
-    recording, triggered : bool
-        Whether it records, and whether something has triggered since it was armed.
-    cause : tuple of str
-        What has, of `CAUSES`.
-    next_row : int
-        Where the next record goes.
-    records : int
-        Whole records that can be read. One row less than the ring has: the next record's is being
-        written.
-    """
-
-    rows: int
+    rows: int  # Of its ring
+    # recording, triggered: Whether it records, and whether something has triggered since it was
+    # armed.
     recording: bool
     triggered: bool
-    cause: tuple[str, ...]
-    next_row: int
+    cause: tuple[str, ...]  # What has, of `CAUSES`
+    next_row: int  # Where the next record goes
+    # Whole records that can be read. One row less than the ring has: the next record's is being
+    # written.
     records: int
 
     @classmethod
     def of(cls, read: Mapping[str, int]) -> RecorderStatus:
-        """Status from its register.
-
-        Parameters
-        ----------
-        read : mapping of str to int
-            Fields of `recorder.status`.
-
-        Returns
-        -------
-        RecorderStatus
-            The same, in words.
-        """
+        """Status from its register."""
         rows, row = 1 << read["rows_log2"], read["next_row"]
         cause = tuple(name for n, name in enumerate(CAUSES) if read["cause"] >> n & 1)
         records = rows - 1 if read["full"] else row
@@ -485,38 +351,21 @@ class RecorderStatus:
 
 @dataclass(frozen=True)
 class Recording:
-    """What was recorded, oldest step first.
+    """What was recorded, oldest step first."""
 
-    Attributes
-    ----------
-    drive : Drive or MptcDrive
-        What the board was loaded with; says what the words mean.
-    fields : dict of str to ndarray of int64, shape (n,)
-        Words as the core had them, see `FIELDS`.
-    trigger : int or None
-        Row of the step that triggered, or of the last one before it; None while nothing has, or
-        where that row has been written over.
-    cause : tuple of str
-        What triggered, of `CAUSES`.
-    """
-
-    drive: Drive | MptcDrive
-    fields: dict[str, IntArray]
+    drive: Drive | MptcDrive  # What the board was loaded with; says what the words mean
+    fields: dict[str, IntArray]  # (n,): Words as the core had them, see `FIELDS`
+    # Row of the step that triggered, or of the last one before it; None while nothing has, or where
+    # that row has been written over.
     trigger: int | None = None
-    cause: tuple[str, ...] = ()
+    cause: tuple[str, ...] = ()  # What triggered, of `CAUSES`
 
     def __len__(self) -> int:
         return len(self.fields["number"])
 
     @property
     def steps(self) -> IntArray:
-        """Number of each control step, from 0 on for the first.
-
-        Returns
-        -------
-        ndarray of int64, shape (n,)
-            Steps that are not there have been left out by the decimation.
-        """
+        """Number of each control step, from 0 on; those between were left out by the decimation."""
         gaps = np.diff(self.fields["number"]) & 0xFFFF
         return np.concatenate([[0], np.cumsum(gaps)])[: len(self)].astype(np.int64)
 
@@ -524,10 +373,7 @@ class Recording:
     def trace(self) -> mpdcc_trace.MpdccTrace | mptc_trace.MptcTrace:
         """What the core saw: flux of the observer and filtered voltages where there are.
 
-        Returns
-        -------
-        MpdccTrace or MptcTrace
-            Per unit, or SI; `make replay` takes it.
+        Per unit, or SI; `make replay` takes it.
         """
         f, applied = self.fields, _three(self.fields["applied"])
         if isinstance(self.drive, Drive):
@@ -558,13 +404,7 @@ class Recording:
 
     @property
     def decisions(self) -> mpdcc_trace.Decisions | mptc_trace.MptcDecisions:
-        """What it decided.
-
-        Returns
-        -------
-        Decisions or MptcDecisions
-            With the clocks that each decision took.
-        """
+        """What it decided."""
         f, chosen = self.fields, _three(self.fields["applied_next"])
         if isinstance(self.drive, Drive):
             return mpdcc_trace.Decisions(
@@ -589,12 +429,9 @@ class Recording:
     def columns(self) -> dict[str, NDArray[Any]]:
         """All of it by name, in the units of the drive file.
 
-        Returns
-        -------
-        dict of str to ndarray, shape (n,)
-            `step` and `time` (s, 0 at the trigger, else at the first step); the trace's columns;
-            `next_` before the decision's, as a simulation's table has them; `cycles`, `gates` and
-            `faults` (words, bits as in the registers), `leakage` (MPDCC).
+        `step` and `time` (s, 0 at the trigger, else at the first step); the trace's columns;
+        `next_` before the decision's, as a simulation's table has them; `cycles`, `gates` and
+        `faults` (words, bits as in the registers), `leakage` (MPDCC).
         """
         f, trace, d = self.fields, self.trace, self.decisions
         steps = self.steps
@@ -628,15 +465,7 @@ class Recording:
     def write_trace(self, path: str | os.PathLike[str]) -> None:
         """Write what the core saw as a trace that `make replay` takes.
 
-        Parameters
-        ----------
-        path : str or path
-            File to write or to replace.
-
-        Raises
-        ------
-        TraceError
-            If the file cannot be written; nothing is left behind then.
+        Nothing is left behind a TraceError.
         """
         trace = self.trace
         if isinstance(trace, mpdcc_trace.MpdccTrace):
@@ -645,18 +474,7 @@ class Recording:
             mptc_trace.write_trace(path, trace)
 
     def write_decisions(self, path: str | os.PathLike[str]) -> None:
-        """Write what it decided, as `make replay` does.
-
-        Parameters
-        ----------
-        path : str or path
-            File to write or to replace.
-
-        Raises
-        ------
-        TraceError
-            If the file cannot be written; nothing is left behind then.
-        """
+        """Write what it decided, as `make replay` does. Nothing is left behind a TraceError."""
         decisions = self.decisions
         if isinstance(decisions, mpdcc_trace.Decisions):
             mpdcc_trace.write_decisions(path, decisions)
@@ -664,43 +482,14 @@ class Recording:
             mptc_trace.write_decisions(path, decisions)
 
     def write_table(self, path: str | os.PathLike[str]) -> None:
-        """Write all columns.
-
-        Parameters
-        ----------
-        path : str or path
-            CSV file to write or to replace.
-
-        Raises
-        ------
-        TraceError
-            If the file cannot be written; nothing is left behind then.
-        """
+        """Write all columns as CSV. Nothing is left behind a TraceError."""
         columns = self.columns
         rows = zip(*(map(repr, c.tolist()) for c in columns.values()), strict=True)
         write_table(path, list(columns), [list(row) for row in rows])
 
 
 def read_recording(drive: Drive | MptcDrive, path: os.PathLike[str]) -> dict[str, FloatArray]:
-    """Columns of a file of `Recording.write_table`.
-
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        What the board was loaded with.
-    path : path
-        The file.
-
-    Returns
-    -------
-    dict of str to ndarray of float64, shape (n,)
-        By name.
-
-    Raises
-    ------
-    TraceError
-        If the file is malformed.
-    """
+    """Columns of a file of `Recording.write_table`. TraceError if it is malformed."""
     none = np.zeros((0, STRIDE), dtype=np.int64)
     names = list(Recording(drive, unpack(drive.controller, none)).columns)
     table = read_table(path, [Column(name) for name in names])

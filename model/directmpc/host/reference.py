@@ -19,63 +19,30 @@ _SLVERR = 2  # no such register; also between two
 
 @dataclass
 class LinkModel:
-    """One link of a board.
+    """One link of a board."""
 
-    Attributes
-    ----------
-    identity
-        What IDENTIFY is answered with; its `last_sequence` is kept here.
-    read, write
-        Registers: address to (response, word), and (address, word) to response.
-    step
-        Payload of a STEP to what the core and the gates answer.
-    applied
-        Position the gates are at, None while they are at none.
-    counters
-        Frames by outcome.
-    last
-        Last sequence number that acted; `protocol.first_sequence` of the link to begin with.
-    count
-        Count of the measurement of the last STEP that acted.
-    recorder
-        Whether a recorder is built: every link writes its registers.
-    """
-
-    identity: Identity
+    identity: Identity  # What IDENTIFY is answered with; its `last_sequence` is kept here
+    # read, write: Registers: address to (response, word), and (address, word) to response.
     read: Callable[[int], tuple[int, int]]
     write: Callable[[int, int], int]
-    step: Callable[[bytes], Decision]
+    step: Callable[[bytes], Decision]  # Payload of a STEP to what the core and the gates answer
+    # Position the gates are at, None while they are at none.
     applied: Callable[[], int | None] = lambda: None
-    counters: Counter[Outcome] = field(default_factory=Counter)
+    counters: Counter[Outcome] = field(default_factory=Counter)  # Frames by outcome
+    # Last sequence number that acted; `protocol.first_sequence` of the link to begin with.
     last: int = 0
-    count: int = 0
-    recorder: bool = False
+    count: int = 0  # Count of the measurement of the last STEP that acted
+    recorder: bool = False  # Whether a recorder is built: every link writes its registers
 
     @property
     def controls(self) -> bool:
-        """Whether this link is in control.
-
-        Returns
-        -------
-        bool
-            Bit 1 of the identity's options.
-        """
+        """Whether this link is in control: bit 1 of the identity's options."""
         return bool(self.identity.options & 2)
 
     def disables(self, frame: Frame) -> bool:
         """Whether a frame writes what a link without control may write.
 
         That is zero to system.control, and the registers of a recorder that was built.
-
-        Parameters
-        ----------
-        frame : Frame
-            Frame with a right CRC and size.
-
-        Returns
-        -------
-        bool
-            False for every other frame.
         """
         known = registers_of(self.identity.controller.name.lower())
         if frame.kind != Type.WRITE:
@@ -86,18 +53,7 @@ class LinkModel:
         return frame.payload == struct.pack("<HI", known["system.control"][0], 0)
 
     def verdict(self, frame: Frame) -> Outcome:
-        """What becomes of a frame that its receiver has passed.
-
-        Parameters
-        ----------
-        frame : Frame
-            Frame with a right CRC.
-
-        Returns
-        -------
-        Outcome
-            ``ACCEPTED`` or the first reason that applies.
-        """
+        """``ACCEPTED`` or the first reason against a frame that its receiver has passed."""
         kind, size = frame.kind, len(frame.payload)
         step_size = p.step_size(self.identity.controller)
         sizes = {**p.REQUEST_SIZE, Type.STEP: step_size}
@@ -120,18 +76,7 @@ class LinkModel:
         return Outcome.ACCEPTED
 
     def reply(self, frame: Frame) -> Frame | None:
-        """Serve a frame that its receiver has passed.
-
-        Parameters
-        ----------
-        frame : Frame
-            Frame with a right CRC.
-
-        Returns
-        -------
-        Frame or None
-            The reply, or REFUSED with the reason; None where the frame is a reply itself.
-        """
+        """The reply to a frame that its receiver has passed, REFUSED, or None to a reply."""
         outcome = self.verdict(frame)
         if outcome is not Outcome.ACCEPTED:
             self.counters[outcome] += 1
@@ -171,18 +116,7 @@ class LinkModel:
         return Frame(kind | p.REPLY, frame.sequence, payload)
 
     def receive(self, stuffed: bytes) -> Frame | None:
-        """Serve the bytes between two delimiters.
-
-        Parameters
-        ----------
-        stuffed : bytes
-            Without the delimiters.
-
-        Returns
-        -------
-        Frame or None
-            None where there is no answer: the frame is broken, or a reply itself.
-        """
+        """Serve the bytes between two delimiters; None for a broken frame or a reply."""
         outcome, frame = p.judge(stuffed)
         if frame is None:
             self.counters[outcome] += 1

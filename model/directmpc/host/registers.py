@@ -71,55 +71,26 @@ GUARD_MINIMUM_TIME = 200
 
 @dataclass
 class RegisterValues:
-    """Register values of a drive.
+    """Register values of a drive."""
 
-    Attributes
-    ----------
-    controller : str
-        "mpdcc" or "mptc".
-    words : dict of int
-        Register name as in the map -> integer, signed where the register is; in address order.
-    clock : float
-        Clock of the core that the times are counted in, Hz. No board with another one takes them.
-    saturated : list of str
-        One sentence per value that did not fit, and is safer or less exact than asked for.
-    missing : list of str
-        One sentence per key that the drive file lacks, and without which no gate can come on.
-    """
-
-    controller: str
+    controller: str  # "mpdcc" or "mptc"
+    # Register name as in the map -> integer, signed where the register is; in address order.
     words: dict[str, int]
+    # Clock of the core that the times are counted in, Hz. No board with another one takes them.
     clock: float
+    # One sentence per value that did not fit, and is safer or less exact than asked for.
     saturated: list[str] = field(default_factory=list)
+    # One sentence per key that the drive file lacks, and without which no gate can come on.
     missing: list[str] = field(default_factory=list)
 
     def nanoseconds(self, name: str) -> float | None:
-        """Time that a register of the gate guard holds.
-
-        Parameters
-        ----------
-        name : str
-            Name of the register.
-
-        Returns
-        -------
-        float or None
-            ns, at the clock of these values; None where it holds no time.
-        """
+        """Time in ns that a register of the gate guard holds; None where it holds none."""
         return 1e9 * self.words[name] / self.clock if name in GUARD_TIMES else None
 
     def writes(self) -> list[tuple[str, int, int]]:
-        """Name, address and 32-bit word of every write; the commit is the last.
+        """Name, byte address and 32-bit word of every write, by address; the commit is the last.
 
-        Returns
-        -------
-        list of (str, int, int)
-            In address order but for the commit; byte addresses, words unsigned.
-
-        Raises
-        ------
-        ValueError
-            If a value does not fit its register.
+        ValueError if a value does not fit its register.
         """
         registers = registers_of(self.controller)
         rows = []
@@ -132,19 +103,9 @@ class RegisterValues:
 
 
 def limits(register: str, name: str, field: tuple[int, int, bool]) -> tuple[int, int]:
-    """Least and largest value of a field.
+    """Least and largest value of a field (lowest bit, bits, signed).
 
-    Parameters
-    ----------
-    register, name : str
-        Of the register, and of the field.
-    field : tuple
-        (lowest bit, bits, signed), as in the map.
-
-    Returns
-    -------
-    least, most : int
-        A trip level that no measurement exceeds is not among them.
+    A trip level that no measurement exceeds is not among them.
     """
     _, width, signed = field
     least, most = (-(1 << width - 1), (1 << width - 1) - 1) if signed else (0, (1 << width) - 1)
@@ -154,29 +115,10 @@ def limits(register: str, name: str, field: tuple[int, int, bool]) -> tuple[int,
 def packed(
     register: str, fields: Mapping[str, tuple[int, int, bool]], given: Mapping[str, int]
 ) -> int:
-    """Word of a register; fields that are not given are 0.
+    """Word of a register, 32 bits; fields (lowest bit, bits, signed) that are not given are 0.
 
-    Parameters
-    ----------
-    register : str
-        Its name, for messages.
-    fields : mapping
-        Field to (lowest bit, bits, signed), as in the map.
-    given : mapping of str to int
-        Values by field.
-
-    Returns
-    -------
-    int
-        32 bits, unsigned.
-
-    Raises
-    ------
-    KeyError
-        If there is no such field.
-    ValueError
-        If a value does not fit its field; it would become another one, or reach into the next. If
-        it is a trip level that no measurement exceeds.
+    ValueError for a value that does not fit its field, and for a trip level that no measurement
+    exceeds; KeyError if there is no such field.
     """
     word = 0
     for field_name, value in given.items():
@@ -192,23 +134,7 @@ def packed(
 
 
 def registers_of(controller: str) -> dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]:
-    """Register map of a controller: name -> (address, fields).
-
-    Parameters
-    ----------
-    controller : str
-        "mpdcc" or "mptc".
-
-    Returns
-    -------
-    dict
-        Register to (byte address, {field: (lowest bit, bits, signed)}).
-
-    Raises
-    ------
-    KeyError
-        If there is no such controller.
-    """
+    """Register map: name -> (byte address, {field: (lowest bit, bits, signed)})."""
     from directmpc.host.register_map import MAPS  # generated: register_files runs without it
 
     return MAPS[controller]
@@ -216,54 +142,23 @@ def registers_of(controller: str) -> dict[str, tuple[int, dict[str, tuple[int, i
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of the gate guard on its way to a register.
+    """A setting of the gate guard on its way to a register."""
 
-    Attributes
-    ----------
-    asked : float or None
-        In the unit of the drive file; None where the file does not say.
-    unit : str
-        Its name.
-    scale : float
-        Counts of the register in one of them.
-    counts : str
-        What the register counts.
-    most : int
-        Largest value that serves, unsigned.
-    more_is_safer : bool
-        True of times that have to pass and of lower limits, false of longest times and of upper
-        limits. It is rounded to the safe side.
-    trips : bool
-        A trip level: one above `most` is an error, because nothing would ever trip.
-    """
-
-    asked: float | None
-    unit: str
-    scale: float
-    counts: str
-    most: int
+    asked: float | None  # In the unit of the drive file; None where the file does not say
+    unit: str  # Its name
+    scale: float  # Counts of the register in one of them
+    counts: str  # What the register counts
+    most: int  # Largest value that serves, unsigned
+    # True of times that have to pass and of lower limits, false of longest times and of upper
+    # limits. It is rounded to the safe side.
     more_is_safer: bool
+    # A trip level: one above `most` is an error, because nothing would ever trip.
     trips: bool = False
 
     def word(self, name: str, saturated: list[str]) -> int:
-        """Register value; a sentence in ``saturated`` where the nearest one is safer.
+        """Counts of the register; `saturated` gets a sentence where the nearest value is safer.
 
-        Parameters
-        ----------
-        name : str
-            Of the register, for messages.
-        saturated : list of str
-            A sentence is appended for a value that does not fit and becomes a safer one.
-
-        Returns
-        -------
-        int
-            Counts.
-
-        Raises
-        ------
-        ValueError
-            Where the nearest one is less safe, or would never trip, or this is no number.
+        ValueError where it is less safe, would never trip, or this is no number.
         """
         if self.asked is None:  # with it no gate comes on
             return self.most if self.more_is_safer else 0
@@ -288,24 +183,9 @@ class Setting:
 
 
 def guard_settings(drive: Drive | MptcDrive, clock: float) -> dict[str, Setting]:
-    """What the gate guard is set to, each on its way to its register.
+    """What the gate guard is set to, by the whole name of the register, at a clock in Hz.
 
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        Its table `guard`; control period and, for MPTC, full scales.
-    clock : float
-        Of the core, Hz.
-
-    Returns
-    -------
-    dict of str to Setting
-        By the whole name of the register.
-
-    Raises
-    ------
-    ValueError
-        If the clock is out of its range, or trip levels do not enclose the dc link's voltage.
+    ValueError if the clock is out of range, or trip levels do not enclose the dc link's voltage.
     """
     if not LEAST_CLOCK <= clock <= MOST_CLOCK:
         raise ValueError(
@@ -354,28 +234,10 @@ def guard_settings(drive: Drive | MptcDrive, clock: float) -> dict[str, Setting]
 
 
 def guard_words(drive: Drive | MptcDrive, clock: float, saturated: list[str]) -> dict[str, int]:
-    """Registers of the gate guard; appends to ``saturated``.
+    """Registers of the gate guard in clocks or LSB; `saturated` gets sentences on safer values.
 
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        Its table `guard`; control period and, for MPTC, full scales.
-    clock : float
-        Of the core, Hz.
-    saturated : list of str
-        Sentences are appended for values that do not fit and become safer ones.
-
-    Returns
-    -------
-    dict of str to int
-        Register of the guard, by its whole name, to counts: clocks, or LSB of the measurement. What
-        the drive file does not say has the value with which no gate comes on.
-
-    Raises
-    ------
-    ValueError
-        Where the nearest value that fits would be less safe than what is asked for, or a trip level
-        is one that no measurement exceeds.
+    What the drive file does not say has the value with which no gate comes on. ValueError where the
+    nearest value is less safe, or a trip level is one that no measurement exceeds.
     """
     words = {
         name: setting.word(name, saturated)
@@ -402,17 +264,9 @@ WATCHDOG_PERIODS = 1.5
 
 
 def decision_periods(drive: Drive | MptcDrive) -> float:
-    """Longest time from start to decision where the drive file does not say.
+    """Longest time from start to decision, control periods, where the file does not say.
 
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        What decides.
-
-    Returns
-    -------
-    float
-        Control periods; more than one where a decision for the next step waits for its start.
+    More than one where a decision for the next step waits for its start.
     """
     delayed = getattr(drive.control, "delay_compensation", True)  # MPTC always acts a step later
     return 1.1 if delayed else 0.9
@@ -426,34 +280,12 @@ def values(
     built: Collection[str] = (),
     sensorless: bool = False,
 ) -> RegisterValues:
-    """Register values of a drive.
+    """Register values of a drive: gate guard, core, observer, filters and leakage estimate.
 
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        Validated drive file.
-    variant : str
-        "fast" or "paper", for MPDCC.
-    clock : float
-        Of the core, Hz; `Board.values` and `Board.load` take the board's.
-    built : collection of str
-        Of "family" and "sensorless", what the system has: their registers are among the values even
-        where the drive could do without.
-    sensorless : bool
-        Whether the speed is to be estimated; two-level drives alone.
-
-    Returns
-    -------
-    RegisterValues
-        Gate guard and parameters of the core, its observer, its capacitor filters and its estimate
-        of the leakage.
-
-    Raises
-    ------
-    ValueError
-        Where a coefficient cannot be represented, or the variant does not serve the drive's
-        settings; the message names the drive file's key. Where a setting of the gate guard does not
-        fit and the nearest that does is less safe; the message names the register.
+    `clock` in Hz; `Board.values` and `Board.load` take the board's. `built`: of "family" and
+    "sensorless", what the system has beyond what the drive needs. `sensorless`: the speed is
+    estimated; two-level drives alone. ValueError names the key or register where a value cannot be
+    represented, is not served, or would become less safe.
     """
     if not isinstance(drive, Drive | MptcDrive):
         raise ValueError(f'controller: got "{drive.controller}", of which there is no system yet')
@@ -512,15 +344,7 @@ def _sequence_words(drive: MptcDrive, clock: float) -> dict[str, int]:
 def duty_rule_word(drive: MptcDrive) -> int:
     """Port and register `duty_rule` of a drive.
 
-    Parameters
-    ----------
-    drive : MptcDrive
-        Its method and its duty rule.
-
-    Returns
-    -------
-    int
-        0: torque deadbeat, also where the method has no duty rule; 1: mean torque; 2: best.
+    0: torque deadbeat, also where the method has no duty rule; 1: mean torque; 2: best.
     """
     c = drive.control
     return DUTY_RULES.index(c.duty_rule) if c.method in RULED_METHODS else 0
@@ -535,23 +359,7 @@ def _time(found: RegisterValues, name: str) -> str:
 
 
 def format_csv(found: RegisterValues) -> str:
-    """Lay out the writes as CSV: register, address, word, value.
-
-    Parameters
-    ----------
-    found : RegisterValues
-        Of ``values``.
-
-    Returns
-    -------
-    str
-        A header and a line per write, without an end of line behind the last.
-
-    Raises
-    ------
-    ValueError
-        If a value does not fit its register.
-    """
+    """Lay out the writes as CSV: register, address, word, value."""
     lines = ["register,address,word,value"]
     for name, address, word in found.writes():
         lines.append(f"{name},0x{address:03X},0x{word:08X},{found.words.get(name, word)}")
@@ -559,29 +367,10 @@ def format_csv(found: RegisterValues) -> str:
 
 
 def format_c(drive: Drive | MptcDrive, found: RegisterValues, source: str) -> str:
-    """Lay out the writes as a C array, with the scales of the measurements' registers.
+    """Lay out the writes as a C99 array, with the scales of the measurements' registers.
 
     The type of the array is that of the driver in ``examples/processor``; the text serves without
     it too.
-
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        What the values are of.
-    found : RegisterValues
-        Of ``values``.
-    source : str
-        Name of the drive file, for the comment.
-
-    Returns
-    -------
-    str
-        C99, without an end of line behind the last.
-
-    Raises
-    ------
-    ValueError
-        If a value does not fit its register.
     """
     scales = kind_of(drive).formats(drive)
     unit = kind_of(drive).unit
@@ -614,23 +403,7 @@ def format_c(drive: Drive | MptcDrive, found: RegisterValues, source: str) -> st
 
 
 def format_table(found: RegisterValues) -> str:
-    """Lay out the writes as text.
-
-    Parameters
-    ----------
-    found : RegisterValues
-        Of ``values``.
-
-    Returns
-    -------
-    str
-        A line per write: name, address, word, value.
-
-    Raises
-    ------
-    ValueError
-        If a value does not fit its register.
-    """
+    """Lay out the writes as text: name, address, word, value."""
     return "\n".join(
         f"{name:42} 0x{address:03X}  0x{word:08X} {found.words.get(name, word):>9}"
         f"{_time(found, name)}"
@@ -683,24 +456,7 @@ def refuse_slow(
     variant: str = "fast",
     explorers: int = 1,
 ) -> None:
-    """Refuse values with which a decision can outlast the guard's decision limit.
-
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        What the values are of.
-    found : RegisterValues
-        The values.
-    variant : str
-        "fast" or "paper", for MPDCC.
-    explorers : int
-        1 to 8, of the core; for MPDCC.
-
-    Raises
-    ------
-    ValueError
-        If a decision can be late; names the key and what would serve.
-    """
+    """ValueError, with what would serve, if a decision can outlast the guard's decision limit."""
     limit = found.words["guard.decision_limit"]
     if limit < 1:
         raise ValueError(
@@ -745,38 +501,18 @@ def refuse_slow(
 
 
 def move_time(dead_times: int, dead_time: float, minimum_on: float, minimum_off: float) -> float:
-    """Longest time from a decision until its leg may move again, as `gate_leg` moves it.
+    """Longest time in s from a decision until its leg may move again, as `gate_leg` moves it.
 
-    Parameters
-    ----------
-    dead_times : int
-        Between the gates of the longest transition: `DEAD_TIMES`.
-    dead_time, minimum_on, minimum_off : float
-        Of the gate guard, s.
-
-    Returns
-    -------
-    float
-        s, without the two clocks before the first gate.
+    Without the two clocks before the first gate; `dead_times` as of `DEAD_TIMES`.
     """
     return dead_times * dead_time + max(minimum_on, minimum_off)
 
 
 def refuse_short(drive: Drive | MptcDrive) -> None:
-    """Refuse a control period in which a leg cannot end its move.
+    """ValueError, with what would serve, for a control period in which a leg cannot end its move.
 
     A controller does not know of such times: with a shorter period its decisions would wait, and
-    the guard would trip at the second that does.
-
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        Its control period and its table `guard`; nothing is refused where a time is missing.
-
-    Raises
-    ------
-    ValueError
-        Naming the keys and what would serve.
+    the guard would trip at the second that does. Nothing is refused where a time is missing.
     """
     guard, count = drive.guard, DEAD_TIMES[drive.controller]
     times = (guard.dead_time, guard.minimum_on, guard.minimum_off)
@@ -826,18 +562,7 @@ def _never(drive: Drive | MptcDrive, clock: float, clocks: int, limit: int, told
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the register values of a drive file; 2 when it cannot be used or is too slow.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Of the command line; those of the process if not given.
-
-    Returns
-    -------
-    int
-        Exit code: 0, or 2 where the drive file or a setting cannot be used.
-    """
+    """Print the register values of a drive file; 0, or 2 if it cannot be used or is too slow."""
     return reported("registers", lambda: _main(arguments))
 
 

@@ -18,22 +18,10 @@ BOARDS = {"mpdcc": "mpdcc_board", "mptc": "mptc_board"}
 
 
 class Device:
-    """The pins of a board's RTL.
+    """The pins of the RTL of a board, "mpdcc", "mptc" or a drive; "mpdcc" if empty.
 
-    Parameters
-    ----------
-    name : str
-        "mpdcc", "mptc" or a drive; "mpdcc" if empty.
-
-    Attributes
-    ----------
-    design : Design
-        The board; its inputs `permit` and `steps_over_spi` are '1'.
-
-    Raises
-    ------
-    LinkError
-        If there is no such board, or its library cannot be built.
+    Inputs `permit` and `steps_over_spi` are '1'. LinkError without such a board, or if its library
+    cannot be built.
     """
 
     def __init__(self, name: str = "") -> None:
@@ -47,18 +35,7 @@ class Device:
         self.design.put("steps_over_spi", 1)
 
     def transfer(self, data: bytes, /) -> bytes:
-        """Do a transaction.
-
-        Parameters
-        ----------
-        data : bytes
-            To the board.
-
-        Returns
-        -------
-        bytes
-            What came back, as many.
-        """
+        """Do a transaction; as many bytes come back."""
         return self.design.transfer(data)
 
     def close(self) -> None:

@@ -15,17 +15,7 @@ STAGES = 2
 class SafeTorqueOff:
     """Two channels that release a drive together.
 
-    Parameters
-    ----------
-    filter_clocks : int
-        Clocks for which a channel has to stay before it counts.
-    discrepancy : int
-        Clocks for which the channels may count differently, more than `filter_clocks`.
-
-    Raises
-    ------
-    ValueError
-        If the filter is not shorter than the discrepancy time.
+    Clocks of the filter and of the discrepancy, which has to be longer (ValueError).
     """
 
     def __init__(self, filter_clocks: int, discrepancy: int) -> None:
@@ -48,14 +38,7 @@ class SafeTorqueOff:
     def clock(self, channels: Sequence[int], *, clear: bool = False, rst: bool = False) -> None:
         """One rising edge; `permit` and `fault` are what follows it.
 
-        Parameters
-        ----------
-        channels : Sequence[int]
-            1: torque is allowed.
-        clear : bool
-            Whether the fault may go, if both channels are off.
-        rst : bool
-            Whether it is a reset.
+        `channels`: 1 allows torque; `clear` lets the fault go if both are off.
         """
         levels = self._passing[0]
         self._passing.append((channels[0], channels[1]))

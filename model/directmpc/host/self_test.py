@@ -17,13 +17,7 @@ ATTEMPTS = 10
 
 
 class SelfTestError(RuntimeError):
-    """A trip did not come when it was provoked.
-
-    Parameters
-    ----------
-    lacking : list of str
-        Fault and what should have caused it.
-    """
+    """A trip did not come when it was provoked: fault and what should have caused it."""
 
     def __init__(self, lacking: list[str]) -> None:
         super().__init__(f"self-test: the gate guard did not trip: {'; '.join(lacking)}")
@@ -74,27 +68,7 @@ def _commit(board: Board, decision_limit: int, watchdog: int) -> None:
 
 
 def self_test(board: Board) -> tuple[str, ...]:
-    """Provoke every trip that can come with the gates off; the settings are the same afterwards.
-
-    Parameters
-    ----------
-    board : Board
-        Loaded with a drive; its gates go off.
-
-    Returns
-    -------
-    tuple of str
-        The faults that came.
-
-    Raises
-    ------
-    SelfTestError
-        If one does not come.
-    TrippedError
-        If a fault is latched already; `Board.start` says and clears it.
-    RegisterError, LinkError
-        As of `Board.write` and `Board.exchange`.
-    """
+    """Provoke every trip that can come with the gates off; the settings are the same afterwards."""
     board.stop()
     if before := board.faults():
         raise TrippedError(before, "self-test")

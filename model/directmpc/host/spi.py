@@ -39,31 +39,14 @@ class Transactions(Protocol):
     """Something that does an SPI transaction: mode 0, most significant bit first."""
 
     def transfer(self, data: bytes, /) -> bytes:
-        """Do one, with chip select low for all of it.
-
-        Parameters
-        ----------
-        data : bytes
-            To the board.
-
-        Returns
-        -------
-        bytes
-            What came back, as many.
-        """
+        """Do one, with chip select low for all of it; as many bytes come back."""
 
     def close(self) -> None:
         """Give it back."""
 
 
 class SpiStream:
-    """A stream as `directmpc.host.link.Link` needs it.
-
-    Parameters
-    ----------
-    device : Transactions
-        What does the transactions.
-    """
+    """A stream as `directmpc.host.link.Link` needs it."""
 
     def __init__(self, device: Transactions) -> None:
         self._device = device
@@ -71,23 +54,7 @@ class SpiStream:
         self._expected = p.MAX_PAYLOAD
 
     def write(self, data: bytes, /) -> object:
-        """Send all of it in one transaction.
-
-        Parameters
-        ----------
-        data : bytes
-            Bytes on the line, delimiters included.
-
-        Returns
-        -------
-        object
-            How many.
-
-        Raises
-        ------
-        LinkError
-            If the transaction fails.
-        """
+        """Send all bytes in one transaction; LinkError if it fails."""
         for stuffed in p.Splitter().feed(data):
             _, frame = p.judge(stuffed)
             if frame is not None:
@@ -96,17 +63,9 @@ class SpiStream:
         return len(data)
 
     def read(self) -> bytes:
-        """What has come; does a transaction of zeros if nothing has.
+        """What has come; does a transaction of zeros if nothing has. LinkError if it fails.
 
-        Returns
-        -------
-        bytes
-            Whole frames and zeros between them; empty where nothing has come.
-
-        Raises
-        ------
-        LinkError
-            If the transaction fails.
+        Whole frames and zeros between them; empty where nothing has come.
         """
         # stuffing adds a byte, and a delimiter stands on either side
         size = self._expected + p.OVERHEAD + 3
@@ -126,19 +85,9 @@ class SpiStream:
 
 
 class Device:
-    """An SPI controller of Linux.
+    """An SPI controller of Linux, such as ``/dev/spidev0.0``, SCK in Hz.
 
-    Parameters
-    ----------
-    path : str
-        Such as ``/dev/spidev0.0``.
-    rate : int
-        SCK, Hz.
-
-    Raises
-    ------
-    LinkError
-        If it cannot be opened, the rate is none, or spidev is not installed.
+    LinkError if it cannot be opened, the rate is none, or spidev is not installed.
     """
 
     def __init__(self, path: str, rate: int = RATE) -> None:
@@ -158,23 +107,7 @@ class Device:
             raise LinkError(f"{path}: cannot be opened: {why(error)}") from None
 
     def transfer(self, data: bytes, /) -> bytes:
-        """Do a transaction.
-
-        Parameters
-        ----------
-        data : bytes
-            To the board.
-
-        Returns
-        -------
-        bytes
-            What came back, as many.
-
-        Raises
-        ------
-        LinkError
-            If the controller fails.
-        """
+        """Do a transaction; as many bytes come back. LinkError if the controller fails."""
         try:
             return bytes(self._device.xfer2(list(data)))
         except line_failures() as error:
@@ -186,18 +119,7 @@ class Device:
 
 
 class VirtualDevice:
-    """The SPI pins of a virtual board.
-
-    Parameters
-    ----------
-    path : str
-        Name of its port.
-
-    Raises
-    ------
-    LinkError
-        If it cannot be opened, or another program uses it.
-    """
+    """The SPI pins of a virtual board; LinkError if another program uses them."""
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -222,23 +144,7 @@ class VirtualDevice:
             raise LinkError(f"{path}: cannot be opened: {why(error)}") from None
 
     def transfer(self, data: bytes, /) -> bytes:
-        """Do a transaction.
-
-        Parameters
-        ----------
-        data : bytes
-            To the board.
-
-        Returns
-        -------
-        bytes
-            What came back, as many.
-
-        Raises
-        ------
-        LinkError
-            If the board has ended, or does not answer.
-        """
+        """Do a transaction; as many bytes come back. LinkError if the board does not answer."""
         try:
             os.write(self._line, MARK + len(data).to_bytes(2, "little") + data)
             came = b""
@@ -260,24 +166,9 @@ class VirtualDevice:
 
 
 def opened(path: str, rate: int = RATE) -> SpiStream:
-    """The stream of a board behind SPI.
+    """The stream of a board behind SPI, SCK in Hz; a virtual board has its own rate.
 
-    Parameters
-    ----------
-    path : str
-        A device of Linux, ``/dev/spidev...``, or the port of a virtual board.
-    rate : int
-        SCK, Hz; a virtual board has its own.
-
-    Returns
-    -------
-    SpiStream
-        Open.
-
-    Raises
-    ------
-    LinkError
-        If it cannot be opened.
+    `path` is ``/dev/spidev...`` or the port of a virtual board. LinkError if it cannot be opened.
     """
     if path.startswith("/dev/spidev"):
         return SpiStream(Device(path, rate))

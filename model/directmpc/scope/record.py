@@ -37,25 +37,8 @@ CAPACITY = 100_000
 class Record:
     """A table that forgets its oldest rows.
 
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        Whose columns it has.
-    capacity : int
-        Rows that are kept.
-
-    Attributes
-    ----------
-    signals : Signals
-        Its columns and channels.
-    ts : float
-        Time of a row, s.
-    total : int
-        Rows that have been added.
-    edge_total : int
-        Changes of a gate that have been added.
-    events : list of dict
-        What the page lists of a run that is over: kind, names, row.
+    `ts`: time of a row, s. `total` and `edge_total` count what has been added. `events`: kind,
+    names, row of a run that is over.
     """
 
     def __init__(self, drive: AnyDrive, capacity: int = CAPACITY) -> None:
@@ -70,47 +53,23 @@ class Record:
 
     @property
     def first(self) -> int:
-        """Number of the oldest row that is kept.
-
-        Returns
-        -------
-        int
-            0 while none has been forgotten.
-        """
+        """Number of the oldest row that is kept."""
         return max(0, self.total - len(self._rows))
 
     @property
     def first_edge(self) -> int:
-        """Number of the oldest change of a gate that is kept.
-
-        Returns
-        -------
-        int
-            0 while none has been forgotten.
-        """
+        """Number of the oldest change of a gate that is kept."""
         return max(0, self.edge_total - len(self._times))
 
     def append(self, rows: FloatArray) -> None:
-        """Add rows.
-
-        Parameters
-        ----------
-        rows : ndarray of float64, shape (n, columns)
-            In the order of `signals.columns`.
-        """
+        """Add rows (n, columns) in the order of `signals.columns`."""
         with self._lock:
             places = (self.total + np.arange(len(rows))) % len(self._rows)
             self._rows[places] = rows
             self.total += len(rows)
 
     def add_edges(self, edges: Iterable[tuple[float, int]]) -> None:
-        """Add changes of the gates.
-
-        Parameters
-        ----------
-        edges : iterable of (float, int)
-            Time in s and gates, in order of time.
-        """
+        """Add changes of the gates: time in s and gates, in order of time."""
         with self._lock:
             for time, word in edges:
                 place = self.edge_total % len(self._times)
@@ -120,15 +79,7 @@ class Record:
     def table(self, first: int, last: int) -> dict[str, FloatArray]:
         """Columns of the rows from `first` on, without `last`.
 
-        Parameters
-        ----------
-        first, last : int
-            Numbers of rows; those that are not kept are left out.
-
-        Returns
-        -------
-        dict of str to ndarray, shape (n,)
-            By name.
+        Rows that are not kept are left out.
         """
         with self._lock:
             first, last = max(first, self.first), min(last, self.total)
@@ -136,18 +87,7 @@ class Record:
         return dict(zip(self.signals.columns, rows.T, strict=True))
 
     def edges_from(self, number: int) -> list[tuple[float, int]]:
-        """Changes of the gates from one on.
-
-        Parameters
-        ----------
-        number : int
-            How many were added before it.
-
-        Returns
-        -------
-        list of (float, int)
-            Those that are kept.
-        """
+        """Changes of the gates from one on: time in s and gates, those that are kept."""
         with self._lock:
             first = max(number, self.first_edge)
             places = np.arange(first, self.edge_total) % len(self._times)
@@ -158,17 +98,7 @@ class Record:
 class GateCourse:
     """Gates over time as the guard sequences them: one gate at a time, a dead time apart.
 
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        Its dead time, or 0 where its file has none.
-
-    Attributes
-    ----------
-    word : int
-        The gates after the last edge, one bit each.
-    delay : int
-        Steps after which a decision reaches the gates: 0 or 1.
+    `delay`: steps (0 or 1) after which a decision reaches the gates.
     """
 
     def __init__(self, drive: AnyDrive) -> None:
@@ -180,22 +110,7 @@ class GateCourse:
         self.word = 0
 
     def step(self, row: int, positions: list[int], running: bool) -> list[tuple[float, int]]:
-        """What a decision does to the gates.
-
-        Parameters
-        ----------
-        row : int
-            Its number.
-        positions : list of int
-            Of the three legs.
-        running : bool
-            Whether gates follow decisions.
-
-        Returns
-        -------
-        list of (float, int)
-            Times in s and gates.
-        """
+        """What a decision does to the gates: times in s and gates."""
         time = (row + self.delay * running) * self._ts
         changes: list[tuple[float, int, bool]] = []
         for n, goal in enumerate(positions):
@@ -219,20 +134,7 @@ class GateCourse:
 
 
 def positions_of(signals: Signals, row: Mapping[str, float]) -> list[int]:
-    """Positions of the legs that a row decides.
-
-    Parameters
-    ----------
-    signals : Signals
-        Of its drive.
-    row : mapping of str to float
-        By column.
-
-    Returns
-    -------
-    list of int
-        Phases a to c.
-    """
+    """Positions of the legs that a row decides, phases a to c."""
     if signals.five:
         return [int(row[f"next_s_{x}"]) for x in PHASES]
     return STATES[int(row["next_u"])].tolist()
@@ -257,18 +159,7 @@ def _filled(drive: AnyDrive, columns: Mapping[str, NDArray[Any]]) -> Record:
 
 
 def of_result(result: SimulationResult) -> Record:
-    """A record of a simulation.
-
-    Parameters
-    ----------
-    result : SimulationResult
-        Of any controller.
-
-    Returns
-    -------
-    Record
-        All of its rows.
-    """
+    """A record of a simulation."""
     columns = dict(result.table())
     for name in ("cycles", "exhausted"):
         if (values := getattr(result.decisions, name, None)) is not None:
@@ -277,20 +168,9 @@ def of_result(result: SimulationResult) -> Record:
 
 
 def of_columns(drive: AnyDrive, columns: Mapping[str, NDArray[Any]]) -> Record:
-    """A record of a whole run.
+    """A record of a whole run of columns of a trace and its decisions.
 
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        What decided.
-    columns : mapping of str to ndarray, shape (n,)
-        At least those of a trace and of its decisions; what is missing beside is 0, bounds are the
-        drive's, and the gates are on.
-
-    Returns
-    -------
-    Record
-        Large enough for all of it; the gates follow from the decisions.
+    What is missing beside is 0, bounds are the drive's, and the gates are on.
     """
     record = _filled(drive, columns)
     course, table = GateCourse(drive), record.table(0, record.total)
@@ -307,24 +187,9 @@ def of_recording(
     trigger: int | None,
     cause: Iterable[str],
 ) -> Record:
-    """A record of what a board's recorder held.
+    """A record of what a board's recorder held, `Recording.columns`, with its gates.
 
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        What the board was loaded with.
-    columns : mapping of str to ndarray, shape (n,)
-        Of `Recording.columns`.
-    trigger : int or None
-        Row that triggered.
-    cause : iterable of str
-        What did.
-
-    Returns
-    -------
-    Record
-        All of it; the gates are those that were recorded. Its time of a row is that of the steps
-        between two records.
+    Its time of a row is that of the steps between two records.
     """
     gates = columns["gates"].astype(np.int64)
     record = _filled(drive, {**columns, "running": gates != 0})
@@ -340,22 +205,7 @@ def of_recording(
 def of_table(drive: Drive | MptcDrive, path: Path) -> Record:
     """A record of a file that `directmpc-host record --table` has written.
 
-    Parameters
-    ----------
-    drive : Drive or MptcDrive
-        What the board was loaded with.
-    path : Path
-        The file.
-
-    Returns
-    -------
-    Record
-        As `of_recording`.
-
-    Raises
-    ------
-    TraceError
-        If the file is malformed.
+    TraceError if it is malformed.
     """
     columns = read_recording(drive, path)
     row = int(np.argmax(columns["time"] >= 0.0))
@@ -366,24 +216,8 @@ def of_table(drive: Drive | MptcDrive, path: Path) -> Record:
 def of_files(drive: AnyDrive, trace: Path, decisions: Path | None) -> Record:
     """A record of a trace file, and of the decisions on it.
 
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        Whose they are.
-    trace : Path
-        As `replay` takes it.
-    decisions : Path or None
-        As `replay` writes it. Without it each row decides what the next one says was applied.
-
-    Returns
-    -------
-    Record
-        All rows.
-
-    Raises
-    ------
-    TraceError
-        If a file is malformed, or they have not the same number of rows.
+    Without decisions each row decides what the next one says was applied. TraceError for a
+    malformed file or another number of rows.
     """
     columns: dict[str, NDArray[Any]] = {}
     if not isinstance(drive, MptcDrive):
@@ -437,32 +271,10 @@ def _decided(drive: AnyDrive, path: Path, count: int) -> dict[str, NDArray[Any]]
 
 
 def written(record: Record, kind: str, first: int, last: int, unit: int) -> tuple[str, bytes]:
-    """A file of some rows.
+    """Name and bytes of a file ("csv", "trace", "decisions", "fst") of rows `first` to `last` - 1.
 
-    Parameters
-    ----------
-    record : Record
-        Whose rows.
-    kind : str
-        "csv", "trace", "decisions" or "fst".
-    first, last : int
-        Rows from `first` on, without `last`.
-    unit : int
-        Of a CSV: 0 SI, 1 per unit.
-
-    Returns
-    -------
-    name : str
-        What to call it.
-    data : bytes
-        Its contents.
-
-    Raises
-    ------
-    KeyError
-        If there is no such kind.
-    ValueError
-        If there are no such rows, or a package is missing.
+    `unit` of a CSV: 0 SI, 1 per unit. KeyError for another kind; ValueError without such rows or a
+    package.
     """
     maker = {"csv": _csv, "trace": _trace, "decisions": _decisions, "fst": _fst}[kind]
     first, last = max(first, record.first), min(last, record.total)

@@ -33,55 +33,26 @@ PLAIN: Units = (("", 1.0), ("", 1.0))
 
 @dataclass
 class Setting:
-    """What a slider sets.
+    """What a slider sets."""
 
-    Attributes
-    ----------
-    key, label : str
-        Its name for programs and for people.
-    kind : str
-        "parameter" of the controller, or "reference".
-    value, low, high : float
-        In the unit of the drive file.
-    units : Units
-        SI and per unit: name, and what a value is multiplied with.
-    whole : bool
-        Whether it is an integer.
-    """
-
+    # key, label: Its name for programs and for people.
     key: str
     label: str
-    kind: str
+    kind: str  # "parameter" of the controller, or "reference"
+    # value, low, high: In the unit of the drive file.
     value: float
     low: float
     high: float
-    units: Units = PLAIN
-    whole: bool = False
+    units: Units = PLAIN  # SI and per unit: name, and what a value is multiplied with
+    whole: bool = False  # Whether it is an integer
 
     def described(self) -> dict[str, Any]:
-        """The setting for the page.
-
-        Returns
-        -------
-        dict
-            Its fields.
-        """
+        """The setting for the page."""
         return asdict(self)
 
 
 def parameters_of(drive: Drive | KbestDrive | MptcDrive) -> list[Setting]:
-    """Parameters of a drive that can change while it runs.
-
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        With their present values.
-
-    Returns
-    -------
-    list of Setting
-        Ranges are those of the drive file.
-    """
+    """Parameters of a drive that can change while it runs. Ranges are those of the drive file."""
     known: dict[str, tuple[str, float, Units]]
     if isinstance(drive, MptcDrive):
         known = {
@@ -109,18 +80,7 @@ def parameters_of(drive: Drive | KbestDrive | MptcDrive) -> list[Setting]:
 
 
 class FiveLevelRig:
-    """An exact plant per unit with a speed controller, or with a turning current reference.
-
-    Parameters
-    ----------
-    drive : Drive
-        Whose machine, inverter and control period it has.
-
-    Attributes
-    ----------
-    settings : dict of Setting
-        References by key.
-    """
+    """An exact plant per unit with a speed controller, or with a turning current reference."""
 
     def __init__(self, drive: Drive) -> None:
         self._drive = drive
@@ -166,13 +126,7 @@ class FiveLevelRig:
         self._applied = self._decided = tuple(int(s) for s in nearest_positions(leg, start, vdc))
 
     def state(self) -> State:
-        """What is measured now.
-
-        Returns
-        -------
-        MpdccState
-            With the reference.
-        """
+        """What is measured now, with the reference."""
         plant, value = self._plant, {key: s.value for key, s in self.settings.items()}
         plant.vdc = value["vdc"]
         current, flux = complex(*plant.state[:2]), complex(*plant.state[2:4])
@@ -194,13 +148,7 @@ class FiveLevelRig:
         )  # fmt: skip
 
     def apply(self, decision: Decision) -> None:
-        """Let a control period pass.
-
-        Parameters
-        ----------
-        decision : MpdccDecision
-            What was decided on the last state.
-        """
+        """Let a control period pass."""
         self._decided = tuple(decision.apply)
         delayed = self._drive.control.delay_compensation
         self._applied = self._before if delayed else self._decided
@@ -215,18 +163,7 @@ class FiveLevelRig:
 
 
 class TwoLevelRig:
-    """An exact two-level plant with a speed controller; it begins magnetised and at rest.
-
-    Parameters
-    ----------
-    drive : MptcDrive
-        Whose machine, inverter and control period it has.
-
-    Attributes
-    ----------
-    settings : dict of Setting
-        References by key.
-    """
+    """An exact two-level plant with a speed controller; it begins magnetised and at rest."""
 
     def __init__(self, drive: MptcDrive) -> None:
         self._drive = drive
@@ -262,13 +199,7 @@ class TwoLevelRig:
         self._omega, self._applied = 0.0, 0
 
     def state(self) -> State:
-        """What is measured now.
-
-        Returns
-        -------
-        MptcState
-            With the references.
-        """
+        """What is measured now, with the references."""
         value = {key: setting.value for key, setting in self.settings.items()}
         pairs, c, gain = (
             self._drive.machine.pole_pairs,
@@ -285,13 +216,7 @@ class TwoLevelRig:
         )  # fmt: skip
 
     def apply(self, decision: Decision) -> None:
-        """Let a control period pass; what was decided before is applied in it.
-
-        Parameters
-        ----------
-        decision : MptcDecision
-            What was decided on the last state.
-        """
+        """Let a control period pass; what was decided before is applied in it."""
         ts = self._drive.control.ts
         plant = plant_parameters(self._drive)._replace(vdc=self.settings["vdc"].value)
         applied = self._applied

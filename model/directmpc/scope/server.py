@@ -61,25 +61,14 @@ App = Callable[[Scope, Any, Any], Awaitable[None]]
 class Doorkeeper:
     """Lets in who may come in: right host, own origin, and the token where there is one.
 
-    Parameters
-    ----------
-    app : App
-        What it stands in front of.
-    token : str or None
-        Needed in the query or in the cookie; None on the loopback address.
+    The token is in the query or the cookie; None on the loopback address.
     """
 
     def __init__(self, app: App, token: str | None) -> None:
         self._app, self.token = app, token
 
     async def __call__(self, scope: Scope, receive: Any, send: Any) -> None:
-        """Serve a connection, or refuse it.
-
-        Parameters
-        ----------
-        scope, receive, send
-            As of ASGI.
-        """
+        """Serve a connection, or refuse it."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
@@ -129,25 +118,13 @@ class Doorkeeper:
 
 
 class Presets:
-    """Named settings of the page, in the user's folder of settings.
-
-    Parameters
-    ----------
-    path : Path, optional
-        Their file.
-    """
+    """Named settings of the page, in the user's folder of settings."""
 
     def __init__(self, path: Path | None = None) -> None:
         self.path = path or user_config_path("directmpc") / "scope.json"
 
     def all(self) -> dict[str, Any]:
-        """Every preset.
-
-        Returns
-        -------
-        dict
-            Name to settings; empty where there is no file, or none that can be read.
-        """
+        """Every preset by name; empty where there is no file that can be read."""
         try:
             found = json.loads(self.path.read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -155,20 +132,7 @@ class Presets:
         return found if isinstance(found, dict) else {}
 
     def keep(self, name: str, value: Any) -> dict[str, Any]:
-        """Keep a preset, or forget it.
-
-        Parameters
-        ----------
-        name : str
-            Its name.
-        value : any
-            JSON; None: forget it.
-
-        Returns
-        -------
-        dict
-            All of them.
-        """
+        """Keep a preset (JSON), or forget it with None; gives all of them."""
         found = self.all() | {name: value}
         found = {k: v for k, v in found.items() if v is not None}
         self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -178,21 +142,7 @@ class Presets:
 
 
 class Server:
-    """Pages of one record.
-
-    Parameters
-    ----------
-    record : Record
-        What is shown.
-    live : Live or None
-        What fills it and takes orders; None for a run that is over.
-    title : str
-        Of the page.
-    token : str or None
-        As of `Doorkeeper`.
-    presets : Presets, optional
-        The user's own if not given.
-    """
+    """Pages of one record. `live` fills it and takes orders; None for a run that is over."""
 
     def __init__(
         self,
@@ -353,28 +303,9 @@ class Server:
 
 
 def serving(server: Server, host: str, port: int) -> tuple[uvicorn.Server, socket.socket]:
-    """A server that can be run, and the socket that it listens on.
+    """A server that can be run, and the open socket that it listens on; port 0: any free one.
 
-    Parameters
-    ----------
-    server : Server
-        What it serves.
-    host : str
-        Address or name to listen on.
-    port : int
-        0: any free one.
-
-    Returns
-    -------
-    server : uvicorn.Server
-        To be run with the socket.
-    listening : socket.socket
-        Open.
-
-    Raises
-    ------
-    OSError
-        If the address is taken, or none of this computer.
+    OSError if the address is taken, or none of this computer.
     """
     listening = socket.create_server((host, port))
     config = uvicorn.Config(
@@ -385,11 +316,5 @@ def serving(server: Server, host: str, port: int) -> tuple[uvicorn.Server, socke
 
 
 def new_token() -> str:
-    """A token that nobody can guess.
-
-    Returns
-    -------
-    str
-        For an address.
-    """
+    """A token that nobody can guess."""
     return secrets.token_urlsafe(18)

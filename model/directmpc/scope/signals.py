@@ -49,46 +49,22 @@ TWO_DECISION = ("next_u", "next_saturated", "next_clamped")
 
 @dataclass(frozen=True)
 class Channel:
-    """A line of the scope.
+    """A line of the scope."""
 
-    Attributes
-    ----------
-    key, label : str
-        Its name for programs and for people.
-    group : str
-        The view that it belongs to.
-    units : tuple of (str, float)
-        SI and per unit: name, and what a value of the channel is multiplied with.
-    style : str
-        "line", or "step" for what holds from step to step.
-    low, high : str
-        Channels that bound it; empty for none.
-    """
-
+    # key, label: Its name for programs and for people.
     key: str
     label: str
-    group: str
+    group: str  # The view that it belongs to
+    # SI and per unit: name, and what a value of the channel is multiplied with.
     units: tuple[tuple[str, float], tuple[str, float]] = (("", 1.0), ("", 1.0))
-    style: str = "line"
+    style: str = "line"  # "line", or "step" for what holds from step to step
+    # low, high: Channels that bound it; empty for none.
     low: str = ""
     high: str = ""
 
 
 class Signals:
-    """Channels of a drive.
-
-    Parameters
-    ----------
-    drive : Drive, KbestDrive or MptcDrive
-        Says the converter, the bases and the controller.
-
-    Attributes
-    ----------
-    columns : tuple of str
-        Of a table, in the order in which `Record` keeps them.
-    channels : list of Channel
-        In the order of the rows that `values` gives.
-    """
+    """Channels of a drive."""
 
     def __init__(self, drive: AnyDrive) -> None:
         self.drive = drive
@@ -103,13 +79,7 @@ class Signals:
         self._ideal = ideal.ideal_parameters(drive) if isinstance(drive, Drive) else None
 
     def described(self) -> list[dict[str, Any]]:
-        """The channels for the page.
-
-        Returns
-        -------
-        list of dict
-            Fields of `Channel`.
-        """
+        """The channels for the page."""
         return [asdict(channel) for channel in self.channels]
 
     def _five(self) -> list[Channel]:
@@ -195,18 +165,7 @@ class Signals:
         ]
 
     def values(self, table: Table) -> NDArray[np.float32]:
-        """Channels of some rows.
-
-        Parameters
-        ----------
-        table : mapping of str to ndarray
-            `columns`, each of shape (n,).
-
-        Returns
-        -------
-        ndarray of float32, shape (channels, n)
-            In the order of `channels`.
-        """
+        """Channels (channels, n) of rows by column, each (n,)."""
         turn = np.exp(-2j * np.pi / 3 * np.arange(3))[:, None]
         current = table["is_alpha"] + 1j * table["is_beta"]
         found = dict(zip((f"i_{x}" for x in PHASES), (current * turn).real, strict=True))
@@ -279,16 +238,5 @@ class Signals:
 
 
 def fault_names(word: int) -> list[str]:
-    """Names of the faults of a word.
-
-    Parameters
-    ----------
-    word : int
-        Of a STEP reply.
-
-    Returns
-    -------
-    list of str
-        Lowest bit first.
-    """
+    """Names of the faults of a word of a STEP reply, lowest bit first."""
     return [name for n, name in enumerate(FAULTS) if word >> n & 1]
