@@ -5,6 +5,7 @@ A check is a function that returns the lines to show: what is to be mended, noth
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import subprocess
@@ -22,7 +23,6 @@ from scripts.shared.tools import ROOT, ToolError
 
 CONFIGURATION = ROOT / ".vsg.yaml"
 PYTHON_DIRECTORIES = ("model", "scripts", "tb", "examples", "tools")
-# Directories whose docstrings have sections: of parameters, results and errors.
 # Directories `make generate` may write to.
 GENERATED_DIRECTORIES = (
     "rtl",
@@ -55,6 +55,13 @@ _ENTITY_END = re.compile(r"^\s*end\b", re.I)
 _DECLARATION = re.compile(
     r"^\s*(?:signal\s+|constant\s+)?([a-z]\w*(?:\s*,\s*[a-z]\w*)*)\s*:(?!=)", re.I
 )
+
+# What the library offers to users, see `pyproject.toml`.
+_IMPORT = re.compile(r"from (directmpc[\w.]*) import (\([^)]*\)|[^\n(]+)")
+_DOTTED = re.compile(r"\bdirectmpc(?:\.\w+)+")
+_SECTION = re.compile(r"^\w[\w ]*\n-{3,}$", re.M)
+_PLACE = re.compile(r"(\S+\.py):(\d+): ")
+_Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 
 
 def _run(command: list[str], environment: dict[str, str] | None = None) -> list[str]:
@@ -122,12 +129,55 @@ def _python_format() -> list[str]:
     return _run([*tools.tool("ruff"), "format", "--check", "--quiet", *_python_directories()])
 
 
+def _public_names() -> set[str]:
+    """Dotted names that the library's packages export and that pages and examples use."""
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "examples").rglob("*.py")]
+    names = set()
+    for path in [*(ROOT / "model").rglob("__init__.py"), *filter(Path.is_file, pages)]:
+        text = path.read_text(encoding="utf-8")
+        names.update(_DOTTED.findall(text))
+        for module, imported in _IMPORT.findall(text):
+            names.update(f"{module}.{name}" for name in re.findall(r"\w+", imported))
+    return names
+
+
+def _definitions(
+    parent: ast.AST, name: str, names: set[str], public: bool = False
+) -> Iterator[tuple[_Definition, bool]]:
+    """Functions and classes, and whether a user imports them: named, or of a named class."""
+    for node in ast.iter_child_nodes(parent):
+        if isinstance(node, _Definition):
+            own = f"{name}.{node.name}"
+            inside_class = isinstance(parent, ast.ClassDef)
+            shown = not node.name.startswith("_") and (own in names or (public and inside_class))
+            yield node, shown
+            yield from _definitions(node, own, names, shown)
+        else:
+            yield from _definitions(node, name, names, public)
+
+
 def python_docstrings() -> list[str]:
-    """Numpydoc over the library: what `pyproject.toml` says about docstrings."""
-    files = [path for path in (ROOT / "model").rglob("*.py") if path.name != "__main__.py"]
-    names = sorted(str(path.relative_to(ROOT)) for path in files)
-    command = [*tools.tool("numpydoc"), "lint", "--config", str(ROOT), *names]
-    return [line for line in _run(command) if line]
+    """Sections in docstrings of public names, as `pyproject.toml` has them, and in no others."""
+    names, public, found = _public_names(), set(), []
+    for path in sorted((ROOT / "model").rglob("*.py")):
+        file = str(path.relative_to(ROOT))
+        module = ".".join(path.relative_to(ROOT / "model").with_suffix("").parts)
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node, shown in _definitions(tree, module, names):
+            if shown:
+                public.add((file, str(node.lineno)))
+            elif _SECTION.search(ast.get_docstring(node) or ""):
+                found.append(
+                    f"{file}:{node.lineno}: '{node.name}' is not public: one or two lines, "
+                    "units and shapes included, in place of sections"
+                )
+    files = sorted({file for file, _ in public})
+    said = _run([*tools.tool("numpydoc"), "lint", "--config", str(ROOT), *files]) if files else []
+    for line in filter(None, said):
+        place = _PLACE.match(line)
+        if not place or place.groups() in public:
+            found.append(line)
+    return found
 
 
 def _on_path() -> dict[str, str]:

@@ -1,7 +1,7 @@
-"""A public function of the library without its sections turns `make lint` red; a tool has a line.
+"""A public name of the library without its sections turns `make lint` red; all else has a line.
 
-Stimulus: a module with all its sections, and copies of it with one fault each, under the rules of
-`pyproject.toml`.
+Stimulus: a module with all its sections that the package exports, and copies of it with one fault
+each, under the rules of `pyproject.toml`.
 Does not prove: that what a section says is right.
 """
 
@@ -121,12 +121,16 @@ FAULTS = {
 }
 
 
-def verdict(folder: Path, modules: dict[str, str]) -> int:
+def verdict(
+    folder: Path, modules: dict[str, str], exported: str = "Machine, public, steps, torque"
+) -> int:
     """Exit code of the step for these modules of the library in a folder."""
     library = folder / "model" / "directmpc"
     library.mkdir(parents=True)
     for name, text in modules.items():
         (library / f"{name}.py").write_text(text, encoding="utf-8")
+    lines = [f"from directmpc.{name} import {exported}\n" for name in modules]
+    (library / "__init__.py").write_text("".join(lines), encoding="utf-8")
     shutil.copy(ROOT / "pyproject.toml", folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(checks, "ROOT", folder)
@@ -172,6 +176,27 @@ def test_tools_need_a_line_alone(tmp_path) -> None:
     (tmp_path / "scripts").mkdir()
     (tmp_path / "scripts" / "tool.py").write_text(WHOLE.replace(old, new), encoding="utf-8")
     assert verdict(tmp_path, {"whole": WHOLE}) == 0
+
+
+def test_what_nobody_imports_needs_no_sections(tmp_path) -> None:
+    old, new, _ = FAULTS["no parameters"]
+    text = WHOLE.replace(old, new).replace(
+        "    Yields\n    ------\n    int\n        Number of the step.\n", ""
+    )
+    assert verdict(tmp_path, {"whole": text}, "Machine, torque") == 0
+
+
+def test_what_nobody_imports_has_no_sections(tmp_path, capsys) -> None:
+    assert verdict(tmp_path, {"whole": WHOLE}, "Machine, torque") == 1
+    assert "whole.py:29: 'steps' is not public" in capsys.readouterr().out
+
+
+def test_a_page_makes_a_name_public(tmp_path, capsys) -> None:
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "page.md").write_text("`directmpc.whole.steps(count)`", encoding="utf-8")
+    old, new, word = FAULTS["no parameters"]
+    assert verdict(tmp_path, {"whole": WHOLE.replace(old, new)}, "Machine, torque") == 1
+    assert word in capsys.readouterr().out
 
 
 def test_library_passes() -> None:
