@@ -88,7 +88,9 @@ OF_SUCCESSORS = [
     Fault(
         "capacitor_search", "elsif (line >= DISCHARGED and", "elsif (line > DISCHARGED and", "row"
     ),
-    Fault("capacitor_search", "is_inside(i) <= is_inside(i - 1);", "null;", r"is_inside"),
+    Fault(
+        "capacitor_search", "is_inside(i) <= is_inside(i - 1);", "is_inside(i) <= '0';", "inside"
+    ),
     Fault("capacitor_search", "bank_row <= bank_now &", "bank_row <= '0' &", r"bank:"),
 ]
 
