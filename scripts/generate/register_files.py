@@ -635,7 +635,8 @@ _REGIONS = {
     "guard": "times and limits of the gate guard",
     "bands": "its limits for phase capacitors and neutral point",
     "result": "the last decision",
-    "parameters": "of the drive. `c_`: coefficients of the core, MPDCC's in trajectory units; "
+    "parameters": "of the drive. `c_`: coefficients of the core, MPDCC's in "
+    "[trajectory units](specification.md#91-mpdcc); "
     "`o_`: observer; `f_`: capacitor filters; `l_`: leakage estimate",
     "measurements": "of the next decision",
     "running": "sequence of vectors in progress, if `control.own_positions` is 0",
