@@ -20,7 +20,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=count, default=2, help="processes")
     parser.add_argument("--anew", action="store_true", help="begin again, whatever there is")
     parser.add_argument("--out", type=Path, default=upsets.RESULTS, help="file of the results")
-    parser.add_argument("--page", action="store_true", help="write the table of docs/safety.md")
+    parser.add_argument("--page", action="store_true", help="write reports/upsets.md")
 
 
 def _run(given: argparse.Namespace) -> int | None:

@@ -33,7 +33,7 @@ from scripts.shared.tools import ROOT, Generics, ToolError
 from scripts.studies import mapped
 
 RESULTS = ROOT / "reports" / "upsets.json"
-PAGE = ROOT / "docs" / "safety.md"
+PAGE = ROOT / "reports" / "upsets.md"
 MARKS = ("<!-- upsets: begin (written by make upsets) -->", "<!-- upsets: end -->")
 HARNESS = ROOT / "scripts" / "hdl" / "upsets.cpp"
 TIMES = 24

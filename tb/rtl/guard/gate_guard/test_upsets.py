@@ -21,7 +21,7 @@ import pytest
 from scripts.commands.upsets import COMMAND
 from scripts.hdl.sources import RTL
 from scripts.shared import tables
-from scripts.shared.tools import ToolError
+from scripts.shared.tools import ROOT, ToolError
 from scripts.studies import upsets
 from tb.helpers.faults import altered
 
@@ -93,6 +93,13 @@ def test_the_page_has_what_is_kept() -> None:
     assert upsets.problems(stored) == []
     page = upsets.PAGE.read_text(encoding="utf-8")
     assert tables.inside(page, *upsets.MARKS).strip() == upsets.markdown(stored)
+    safety = " ".join((ROOT / "docs" / "safety.md").read_text(encoding="utf-8").split())
+    (all5, n5), (all2, n2), (both, n) = (
+        (f"{case['done'] * stored['times']:,}", len(case["unsafe"]))
+        for case in stored["cases"].values()
+    )
+    assert f"Of {all5} flips (ANPC) {n5} were unsafe, of {all2} (two-level) {n2}," in safety
+    assert f"with a second supervisor {n} of {both}" in safety
 
 
 @pytest.fixture

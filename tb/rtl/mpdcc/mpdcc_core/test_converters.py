@@ -20,6 +20,7 @@ import pytest
 from directmpc.mpdcc import tables
 from scripts.hdl import converter_package
 from scripts.hdl import mpdcc_rows as core
+from scripts.measure import budgets
 from scripts.shared.tables import inside
 from scripts.studies import converters as study
 from scripts.studies.converters import drive_of, rows_of
@@ -91,5 +92,7 @@ def test_the_usual_design_is_the_checked_in_one() -> None:
 
 @pytest.mark.parametrize("name", ["anpc5l", "npc3l"])
 def test_the_page_has_what_a_core_takes(name: str) -> None:
+    if budgets.versions() != budgets.load().tools:
+        pytest.skip("the page is of another GHDL or Yosys")
     page = inside(study.PAGE.read_text(encoding="utf-8"), study.BEGIN, study.END)
     assert f"| `{name}` | {' | '.join(study.resources(name))} | " in page
