@@ -74,6 +74,22 @@ def test_settings_of_the_page_are_valid() -> None:
             assert getattr(drive.control, key) == value
 
 
+def test_values_with_units_on_the_page_are_near_the_shipped_ones(tmp_path: Path) -> None:
+    (code,) = blocks("docs/drive-file.md", "toml")
+    text = (ROOT / "drives" / "anpc5l_3kv3.toml").read_text(encoding="utf-8")
+    shipped, path = load_drive("anpc5l_3kv3"), tmp_path / "units.toml"
+    given = tomllib.loads(code)
+    for key, value in (given["machine"] | given["inverter"]).items():
+        text, found = re.subn(rf"^{key} = [\d.]+", f'{key} = "{value}"', text, flags=re.M)
+        assert found == 1, key
+    path.write_text(text, encoding="utf-8")
+    drive = load_drive(path)
+    for table, values in given.items():
+        for key in values:
+            near = getattr(getattr(shipped, table), key)
+            assert getattr(getattr(drive, table), key) == pytest.approx(near, rel=5e-3), key
+
+
 class _Reply:
     apply = (3, 3, 3)
 
@@ -179,7 +195,10 @@ def test_every_block_says_its_language() -> None:
 
 
 def test_no_block_is_left_out() -> None:
-    run = {(page, "python") for page in PYTHON} | {("docs/settings.md", "toml")}
+    run = {(page, "python") for page in PYTHON} | {
+        ("docs/settings.md", "toml"),
+        ("docs/drive-file.md", "toml"),
+    }
     commands = {(page, language) for page, language in found() if language == "sh"}
     assert len(commands) > 15
     assert found() == run | commands | set(OTHER)
