@@ -17,6 +17,7 @@ import json
 import math
 import re
 import subprocess
+from math import ceil, floor
 from pathlib import Path
 
 import pytest
@@ -119,10 +120,9 @@ def test_a_drive_becomes_register_values(path: Path) -> None:
     if found.controller == "mpdcc":
         for port, value in mpdcc_registers(drive, "fast").ports().items():
             assert found.words[f"parameters.{port}"] == value
-    # 2 us, and one and a half control periods, at the boards' 25 MHz
-    assert drive.control.ts == 50e-6
-    assert found.words["guard.dead_time"] == 50
-    assert found.words["guard.watchdog"] == 1875
+    # the file's dead time or longer, and one and a half control periods or less, at 25 MHz
+    assert found.words["guard.dead_time"] == ceil(round(25e6 * drive.guard.dead_time, 6))
+    assert found.words["guard.watchdog"] == floor(round(25e6 * 1.5 * drive.control.ts, 6))
     assert found.writes()[-1][0] == "system.command"
 
 
