@@ -93,7 +93,7 @@ FAULTS = [
         r"index:",
     ),
     Fault("step_one", "(excess_7 > 0) or outside(PROBE_STAGE)", "(excess_7 > 0)", r"feasible:"),
-    Fault("step_one", "at_rest(length_of(entry(2)),", "at_rest(neutral_far,", ANY),
+    Fault("step_one", "shorter(at_rest(length_of(entry(2)),", "shorter(at_rest(neutral_far,", ANY),
     Fault("best_of", "any and settled and last", "any and last", r"result in time:"),
     Fault("candidate_slopes", "wide + difference_2(1 - x)", "wide - difference_2(1 - x)", ANY),
     Fault(

@@ -115,7 +115,12 @@ FAULTS = [
     ),
     (
         "successors inwards",
-        Fault("step_one", "rests_late(2), limits", "rests_late(3), limits", "allowed:"),
+        Fault(
+            "step_one",
+            "rests_late(2), limits.horizon),",
+            "rests_late(3), limits.horizon),",
+            "allowed:",
+        ),
     ),
     (
         "successors inwards",
