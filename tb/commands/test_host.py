@@ -356,6 +356,15 @@ def test_a_table_with_a_value_that_does_not_fit_is_not_written() -> None:
     assert not words
 
 
+@pytest.mark.parametrize("status", [0, 1 << 6 | 1 << 1], ids=["other settings", "commit waits"])
+def test_settings_that_do_not_come_into_force_are_an_error(status: int) -> None:
+    address, fields = registers_of("mptc")["system.status"]
+    assert (fields["in_force"][0], fields["commit_pending"][0]) == (6, 1)
+    found = values(load_drive(ROOT / "drives" / "induction_2kw2.toml"), clock=25e6)
+    with pytest.raises(RegisterError, match="settings did not come into force"):
+        Board(link_of(model(words={address: status}))).load(found)
+
+
 @pytest.fixture
 def host(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
     """Run the host's command on a model of a board: status, output, complaints."""
