@@ -28,7 +28,7 @@ from typing import Any
 import pytest
 
 from scripts.measure import mutation
-from scripts.shared import workers
+from scripts.shared import rows, workers
 from scripts.shared.tools import ROOT, ToolError
 from scripts.studies import bounds, deadlocks, horizon, mptc_robustness, robustness
 from scripts.studies.fidelity import loops
@@ -280,7 +280,7 @@ def asked(study: Callable[[], object]) -> list[tuple[Callable[..., Any], tuple[A
 def test_what_studies_ask_is_the_same_though_a_worker_is_killed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in (horizon, deadlocks, bounds, mptc_robustness):
+    for module in (horizon, deadlocks, bounds, rows):
         monkeypatch.setattr(module, "Pool", Asking)
     for name, value in (("STARTS", 1), ("STEPS", STEPS), ("RTL_ROWS", 0)):
         monkeypatch.setattr(bounds, name, value)
