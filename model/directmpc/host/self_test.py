@@ -68,7 +68,10 @@ def _commit(board: Board, decision_limit: int, watchdog: int) -> None:
 
 
 def self_test(board: Board) -> tuple[str, ...]:
-    """Provoke every trip that can come with the gates off; the settings are the same afterwards."""
+    """Provoke every trip that can come with the gates off; the settings are the same afterwards.
+
+    The inverter's supply has to be off: where the fault `late` does not come, gates come on.
+    """
     board.stop()
     if before := board.faults():
         raise TrippedError(before, "self-test")
