@@ -146,19 +146,6 @@ architecture rtl of mpdcc_system is
   signal gated_rvalid   : std_logic;
   signal gated_rdata    : std_logic_vector(31 downto 0);
   signal gated_rresp    : std_logic_vector(1 downto 0);
-  signal heard_awvalid  : std_logic; -- between gates and recorder
-  signal heard_awready  : std_logic;
-  signal heard_wvalid   : std_logic;
-  signal heard_wready   : std_logic;
-  signal heard_bready   : std_logic;
-  signal heard_bvalid   : std_logic;
-  signal heard_bresp    : std_logic_vector(1 downto 0);
-  signal heard_arvalid  : std_logic;
-  signal heard_arready  : std_logic;
-  signal heard_rready   : std_logic;
-  signal heard_rvalid   : std_logic;
-  signal heard_rdata    : std_logic_vector(31 downto 0);
-  signal heard_rresp    : std_logic_vector(1 downto 0);
   signal take           : std_logic; -- measurements come from the ports
   signal begins         : std_logic; -- go in the next clock
   signal go             : std_logic; -- a decision begins, measurements are in their registers
@@ -264,6 +251,8 @@ architecture rtl of mpdcc_system is
   signal watched_b      : std_logic_vector(2 downto 0);
   signal watched_c      : std_logic_vector(2 downto 0);
 
+  signal step           : record_t;  -- what the core gets, and what it has decided
+
   -- number of a coefficient among those of the slopes; SLOPE_COUNT: it is none
   function slope_of (at : natural) return natural is
   begin
@@ -279,24 +268,6 @@ architecture rtl of mpdcc_system is
   end function slope_of;
 
 begin
-
-  i_read_gate : entity work.read_gate
-    port map (
-      clk       => clk,
-      rst       => rst,
-      m_arvalid => s_axil_arvalid,
-      m_arready => s_axil_arready,
-      m_rready  => s_axil_rready,
-      m_rvalid  => s_axil_rvalid,
-      m_rdata   => s_axil_rdata,
-      m_rresp   => s_axil_rresp,
-      s_arvalid => heard_arvalid,
-      s_arready => heard_arready,
-      s_rready  => heard_rready,
-      s_rvalid  => heard_rvalid,
-      s_rdata   => heard_rdata,
-      s_rresp   => heard_rresp
-    );
 
   i_registers : entity work.directmpc_mpdcc_registers
     port map (
@@ -335,7 +306,10 @@ begin
       LEAST_DEAD_TIME   => LEAST_DEAD_TIME,
       SECOND_SUPERVISOR => SECOND_SUPERVISOR,
       FIRST_BOUND       => PLACE_BOUND_CURRENT,
-      BOUND_LIMIT       => choose(FOLDED, 65535, LARGEST_BOUND)
+      BOUND_LIMIT       => choose(FOLDED, 65535, LARGEST_BOUND),
+      RECORDER_ROWS     => RECORDER_ROWS,
+      RECORD_INPUTS     => MPDCC_INPUTS,
+      RECORD_RESULTS    => MPDCC_RESULTS
     )
     port map (
       clk                => clk,
@@ -355,13 +329,26 @@ begin
       m_wstrb            => s_axil_wstrb,
       m_bvalid           => s_axil_bvalid,
       m_bresp            => s_axil_bresp,
-      s_awvalid          => heard_awvalid,
-      s_awready          => heard_awready,
-      s_wvalid           => heard_wvalid,
-      s_wready           => heard_wready,
-      s_bready           => heard_bready,
-      s_bvalid           => heard_bvalid,
-      s_bresp            => heard_bresp,
+      m_araddr           => s_axil_araddr,
+      m_arvalid          => s_axil_arvalid,
+      m_arready          => s_axil_arready,
+      m_rready           => s_axil_rready,
+      m_rvalid           => s_axil_rvalid,
+      m_rdata            => s_axil_rdata,
+      m_rresp            => s_axil_rresp,
+      s_awvalid          => gated_awvalid,
+      s_awready          => gated_awready,
+      s_wvalid           => gated_wvalid,
+      s_wready           => gated_wready,
+      s_bready           => gated_bready,
+      s_bvalid           => gated_bvalid,
+      s_bresp            => gated_bresp,
+      s_arvalid          => gated_arvalid,
+      s_arready          => gated_arready,
+      s_rready           => gated_rready,
+      s_rvalid           => gated_rvalid,
+      s_rdata            => gated_rdata,
+      s_rresp            => gated_rresp,
       written            => to_hardware.system,
       settings           => to_hardware.guard,
       bands              => bands,
@@ -378,12 +365,14 @@ begin
       load_at_rest       => load_at_rest,
       load_waits         => load_waits,
       preparing          => preparing,
+      decides            => core_start,
       decided            => core_valid,
       saturated          => core_saturated,
       deadlock           => core_deadlock,
       clamped            => '0',
       observer_saturated => estimate_flag,
       cycles             => cycles,
+      step_words         => step,
       is_alpha           => sample.is_alpha.value.value,
       is_beta            => sample.is_beta.value.value,
       v_dc               => sample.v_dc.value.value,
@@ -819,112 +808,32 @@ begin
   -- Recorder
   ---------------------------------------------------------------------------------------------
 
-  g_recorder : if RECORDER_ROWS > 0 generate
-
-    signal step : record_t; -- what the core gets, and what it has decided
-
+  p_step : process (all) is
   begin
 
-    assert RECORDER_ROWS = 2 ** selector_width(RECORDER_ROWS) and RECORDER_ROWS >= 8
-      report "RECORDER_ROWS has to be 0, or a power of two from 8 to 1024"
-      severity failure;
+    step <= (others => '0');
+    step(MPDCC_IS_ALPHA + 15 downto MPDCC_IS_ALPHA) <= sample.is_alpha.value.value;
+    step(MPDCC_IS_BETA + 15 downto MPDCC_IS_BETA) <= sample.is_beta.value.value;
+    step(MPDCC_V_DC + 15 downto MPDCC_V_DC) <= sample.v_dc.value.value;
+    step(MPDCC_IREF_ALPHA + 15 downto MPDCC_IREF_ALPHA) <= sample.iref_alpha.value.value;
+    step(MPDCC_IREF_BETA + 15 downto MPDCC_IREF_BETA) <= sample.iref_beta.value.value;
+    step(MPDCC_OMEGA_S + 15 downto MPDCC_OMEGA_S) <= sample.omega_s.value.value;
+    step(MPDCC_OMEGA_R + 15 downto MPDCC_OMEGA_R) <= sample.omega_r.value.value;
+    step(MPDCC_PSIR_ALPHA + 15 downto MPDCC_PSIR_ALPHA) <= core_alpha;
+    step(MPDCC_PSIR_BETA + 15 downto MPDCC_PSIR_BETA) <= core_beta;
+    step(MPDCC_V_N + 15 downto MPDCC_V_N) <= used_n;
+    step(MPDCC_V_PH_A + 15 downto MPDCC_V_PH_A) <= used_a;
+    step(MPDCC_V_PH_B + 15 downto MPDCC_V_PH_B) <= used_b;
+    step(MPDCC_V_PH_C + 15 downto MPDCC_V_PH_C) <= used_c;
+    step(MPDCC_APPLIED + 8 downto MPDCC_APPLIED) <= until_c & until_b & until_a;
+    step(MPDCC_LEAKAGE + 16 downto MPDCC_LEAKAGE) <= theta;
+    step(MPDCC_LENGTH + 5 downto MPDCC_LENGTH) <= core_length;
+    step(MPDCC_HELD) <= core_held;
+    step(MPDCC_DEADLOCK) <= core_deadlock;
+    step(RECORD_APPLIED_NEXT + 8 downto RECORD_APPLIED_NEXT) <= core_c & core_b & core_a;
+    step(MPDCC_EXHAUSTED) <= core_exhausted;
 
-    p_step : process (all) is
-    begin
-
-      step <= (others => '0');
-      step(MPDCC_IS_ALPHA + 15 downto MPDCC_IS_ALPHA) <= sample.is_alpha.value.value;
-      step(MPDCC_IS_BETA + 15 downto MPDCC_IS_BETA) <= sample.is_beta.value.value;
-      step(MPDCC_V_DC + 15 downto MPDCC_V_DC) <= sample.v_dc.value.value;
-      step(MPDCC_IREF_ALPHA + 15 downto MPDCC_IREF_ALPHA) <= sample.iref_alpha.value.value;
-      step(MPDCC_IREF_BETA + 15 downto MPDCC_IREF_BETA) <= sample.iref_beta.value.value;
-      step(MPDCC_OMEGA_S + 15 downto MPDCC_OMEGA_S) <= sample.omega_s.value.value;
-      step(MPDCC_OMEGA_R + 15 downto MPDCC_OMEGA_R) <= sample.omega_r.value.value;
-      step(MPDCC_PSIR_ALPHA + 15 downto MPDCC_PSIR_ALPHA) <= core_alpha;
-      step(MPDCC_PSIR_BETA + 15 downto MPDCC_PSIR_BETA) <= core_beta;
-      step(MPDCC_V_N + 15 downto MPDCC_V_N) <= used_n;
-      step(MPDCC_V_PH_A + 15 downto MPDCC_V_PH_A) <= used_a;
-      step(MPDCC_V_PH_B + 15 downto MPDCC_V_PH_B) <= used_b;
-      step(MPDCC_V_PH_C + 15 downto MPDCC_V_PH_C) <= used_c;
-      step(MPDCC_APPLIED + 8 downto MPDCC_APPLIED) <= until_c & until_b & until_a;
-      step(MPDCC_LEAKAGE + 16 downto MPDCC_LEAKAGE) <= theta;
-      step(MPDCC_GATES + 23 downto MPDCC_GATES) <= from_hardware.system.gates.gates.next_q;
-      step(MPDCC_LENGTH + 5 downto MPDCC_LENGTH) <= core_length;
-      step(MPDCC_HELD) <= core_held;
-      step(MPDCC_DEADLOCK) <= core_deadlock;
-      step(MPDCC_APPLIED_NEXT + 8 downto MPDCC_APPLIED_NEXT) <= core_c & core_b & core_a;
-      step(MPDCC_CYCLES + 15 downto MPDCC_CYCLES) <= from_hardware.system.cycles.last.next_q;
-      step(MPDCC_NUMBER + 15 downto MPDCC_NUMBER) <= from_hardware.system.decisions.count.next_q(15 downto 0);
-      step(MPDCC_FAULTS + faults'high downto MPDCC_FAULTS) <= faults;
-      step(MPDCC_SATURATED) <= core_saturated;
-      step(MPDCC_EXHAUSTED) <= core_exhausted;
-
-    end process p_step;
-
-    i_recorder : entity work.recorder
-      generic map (
-        ROWS_LOG2 => selector_width(RECORDER_ROWS),
-        INPUTS    => MPDCC_INPUTS,
-        RESULTS   => MPDCC_RESULTS
-      )
-      port map (
-        clk        => clk,
-        rst        => rst,
-        begins     => core_start,
-        busy       => deciding,
-        decided    => core_valid,
-        step_words => step,
-        deadlock   => core_deadlock,
-        saturated  => core_saturated,
-        tripped    => from_hardware.system.status.fault.next_q,
-        awaddr     => s_axil_awaddr,
-        wdata      => s_axil_wdata,
-        m_awvalid  => heard_awvalid,
-        m_awready  => heard_awready,
-        m_wvalid   => heard_wvalid,
-        m_wready   => heard_wready,
-        m_bready   => heard_bready,
-        m_bvalid   => heard_bvalid,
-        m_bresp    => heard_bresp,
-        araddr     => s_axil_araddr,
-        m_arvalid  => heard_arvalid,
-        m_arready  => heard_arready,
-        m_rready   => heard_rready,
-        m_rvalid   => heard_rvalid,
-        m_rdata    => heard_rdata,
-        m_rresp    => heard_rresp,
-        s_awvalid  => gated_awvalid,
-        s_awready  => gated_awready,
-        s_wvalid   => gated_wvalid,
-        s_wready   => gated_wready,
-        s_bready   => gated_bready,
-        s_bvalid   => gated_bvalid,
-        s_bresp    => gated_bresp,
-        s_arvalid  => gated_arvalid,
-        s_arready  => gated_arready,
-        s_rready   => gated_rready,
-        s_rvalid   => gated_rvalid,
-        s_rdata    => gated_rdata,
-        s_rresp    => gated_rresp
-      );
-
-  end generate g_recorder;
-
-  g_no_recorder : if RECORDER_ROWS = 0 generate
-    gated_awvalid <= heard_awvalid;
-    heard_awready <= gated_awready;
-    gated_wvalid  <= heard_wvalid;
-    heard_wready  <= gated_wready;
-    gated_bready  <= heard_bready;
-    heard_bvalid  <= gated_bvalid;
-    heard_bresp   <= gated_bresp;
-    gated_arvalid <= heard_arvalid;
-    heard_arready <= gated_arready;
-    gated_rready  <= heard_rready;
-    heard_rvalid  <= gated_rvalid;
-    heard_rdata   <= gated_rdata;
-    heard_rresp   <= gated_rresp;
-  end generate g_no_recorder;
+  end process p_step;
 
   ---------------------------------------------------------------------------------------------
   -- What registers and ports show

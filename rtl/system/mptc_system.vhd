@@ -123,19 +123,6 @@ architecture rtl of mptc_system is
   signal gated_rvalid   : std_logic;
   signal gated_rdata    : std_logic_vector(31 downto 0);
   signal gated_rresp    : std_logic_vector(1 downto 0);
-  signal heard_awvalid  : std_logic; -- between gates and recorder
-  signal heard_awready  : std_logic;
-  signal heard_wvalid   : std_logic;
-  signal heard_wready   : std_logic;
-  signal heard_bready   : std_logic;
-  signal heard_bvalid   : std_logic;
-  signal heard_bresp    : std_logic_vector(1 downto 0);
-  signal heard_arvalid  : std_logic;
-  signal heard_arready  : std_logic;
-  signal heard_rready   : std_logic;
-  signal heard_rvalid   : std_logic;
-  signal heard_rdata    : std_logic_vector(31 downto 0);
-  signal heard_rresp    : std_logic_vector(1 downto 0);
   signal take           : std_logic; -- measurements come from the ports
   signal go             : std_logic; -- a decision begins, measurements are in their registers
   signal deciding       : std_logic;
@@ -187,26 +174,13 @@ architecture rtl of mptc_system is
   signal goal_a         : std_logic_vector(2 downto 0);
   signal goal_b         : std_logic_vector(2 downto 0);
   signal goal_c         : std_logic_vector(2 downto 0);
+  signal step           : record_t; -- what the core gets, and what it has decided
+  signal seen_alpha     : std_logic_vector(15 downto 0); -- flux that the core got
+  signal seen_beta      : std_logic_vector(15 downto 0);
+  signal seen_omega     : std_logic_vector(15 downto 0); -- speed, likewise
+  signal decided        : mptc_sequence_t;
 
 begin
-
-  i_read_gate : entity work.read_gate
-    port map (
-      clk       => clk,
-      rst       => rst,
-      m_arvalid => s_axil_arvalid,
-      m_arready => s_axil_arready,
-      m_rready  => s_axil_rready,
-      m_rvalid  => s_axil_rvalid,
-      m_rdata   => s_axil_rdata,
-      m_rresp   => s_axil_rresp,
-      s_arvalid => heard_arvalid,
-      s_arready => heard_arready,
-      s_rready  => heard_rready,
-      s_rvalid  => heard_rvalid,
-      s_rdata   => heard_rdata,
-      s_rresp   => heard_rresp
-    );
 
   i_registers : entity work.directmpc_mptc_registers
     port map (
@@ -242,7 +216,10 @@ begin
       TABLED_LEG        => false,
       MEASUREMENTS      => 8,
       LEAST_DEAD_TIME   => LEAST_DEAD_TIME,
-      SECOND_SUPERVISOR => SECOND_SUPERVISOR
+      SECOND_SUPERVISOR => SECOND_SUPERVISOR,
+      RECORDER_ROWS     => RECORDER_ROWS,
+      RECORD_INPUTS     => MPTC_INPUTS,
+      RECORD_RESULTS    => MPTC_RESULTS
     )
     port map (
       clk                => clk,
@@ -262,13 +239,26 @@ begin
       m_wstrb            => s_axil_wstrb,
       m_bvalid           => s_axil_bvalid,
       m_bresp            => s_axil_bresp,
-      s_awvalid          => heard_awvalid,
-      s_awready          => heard_awready,
-      s_wvalid           => heard_wvalid,
-      s_wready           => heard_wready,
-      s_bready           => heard_bready,
-      s_bvalid           => heard_bvalid,
-      s_bresp            => heard_bresp,
+      m_araddr           => s_axil_araddr,
+      m_arvalid          => s_axil_arvalid,
+      m_arready          => s_axil_arready,
+      m_rready           => s_axil_rready,
+      m_rvalid           => s_axil_rvalid,
+      m_rdata            => s_axil_rdata,
+      m_rresp            => s_axil_rresp,
+      s_awvalid          => gated_awvalid,
+      s_awready          => gated_awready,
+      s_wvalid           => gated_wvalid,
+      s_wready           => gated_wready,
+      s_bready           => gated_bready,
+      s_bvalid           => gated_bvalid,
+      s_bresp            => gated_bresp,
+      s_arvalid          => gated_arvalid,
+      s_arready          => gated_arready,
+      s_rready           => gated_rready,
+      s_rvalid           => gated_rvalid,
+      s_rdata            => gated_rdata,
+      s_rresp            => gated_rresp,
       written            => to_hardware.system,
       settings           => to_hardware.guard,
       bands              => (others => '0'),
@@ -285,12 +275,14 @@ begin
       load_at_rest       => open,
       load_waits         => '0',
       preparing          => '0',
+      decides            => core_start,
       decided            => core_valid,
       saturated          => core_saturated,
       deadlock           => '0',
       clamped            => core_clamped,
       observer_saturated => observer_flag,
       cycles             => cycles,
+      step_words         => step,
       is_alpha           => sample.is_alpha.value.value,
       is_beta            => sample.is_beta.value.value,
       v_dc               => sample.v_dc.value.value,
@@ -722,127 +714,43 @@ begin
   -- Recorder
   ---------------------------------------------------------------------------------------------
 
-  g_recorder : if RECORDER_ROWS > 0 generate
+  -- the observer's outputs move on before the core has decided; where they are kept depends on it
+  g_speed_seen : if SENSORLESS generate
+    seen_alpha <= shown_alpha;
+    seen_beta  <= shown_beta;
+    seen_omega <= from_hardware.result.speed.omega_r.next_q;
+  end generate g_speed_seen;
 
-    signal step : record_t; -- what the core gets, and what it has decided
-    signal seen_alpha : std_logic_vector(15 downto 0); -- flux that the core got
-    signal seen_beta  : std_logic_vector(15 downto 0);
-    signal seen_omega : std_logic_vector(15 downto 0); -- speed, likewise
-    signal decided    : mptc_sequence_t;
+  g_flux_seen : if not SENSORLESS generate
+    seen_alpha <= to_hardware.result.stator_flux.alpha.value;
+    seen_beta  <= to_hardware.result.stator_flux.beta.value;
+    seen_omega <= sample.omega_r.value.value;
+  end generate g_flux_seen;
 
+  decided <= chosen when FAMILY else
+             (core_u, core_u, core_u, WHOLE_PERIOD, (others => '0'));
+
+  p_step : process (all) is
   begin
 
-    assert RECORDER_ROWS = 2 ** selector_width(RECORDER_ROWS) and RECORDER_ROWS >= 8
-      report "RECORDER_ROWS has to be 0, or a power of two from 8 to 1024"
-      severity failure;
+    step <= (others => '0');
+    step(MPTC_IS_ALPHA + 15 downto MPTC_IS_ALPHA) <= sample.is_alpha.value.value;
+    step(MPTC_IS_BETA + 15 downto MPTC_IS_BETA) <= sample.is_beta.value.value;
+    step(MPTC_V_DC + 15 downto MPTC_V_DC) <= sample.v_dc.value.value;
+    step(MPTC_TORQUE_REF + 15 downto MPTC_TORQUE_REF) <= sample.torque_ref.value.value;
+    step(MPTC_PSI_REF + 14 downto MPTC_PSI_REF) <= sample.psi_ref.value.value;
+    step(MPTC_PSIS_ALPHA + 15 downto MPTC_PSIS_ALPHA) <= seen_alpha;
+    step(MPTC_PSIS_BETA + 15 downto MPTC_PSIS_BETA) <= seen_beta;
+    step(MPTC_OMEGA_R + 15 downto MPTC_OMEGA_R) <= seen_omega;
+    step(MPTC_APPLIED + 8 downto MPTC_APPLIED) <= sequence_now.u3 & sequence_now.u2 & sequence_now.u1;
+    step(MPTC_T1 + 12 downto MPTC_T1) <= sequence_now.t1;
+    step(MPTC_T2 + 12 downto MPTC_T2) <= sequence_now.t2;
+    step(RECORD_APPLIED_NEXT + 8 downto RECORD_APPLIED_NEXT) <= decided.u3 & decided.u2 & decided.u1;
+    step(MPTC_NEXT_T1 + 12 downto MPTC_NEXT_T1) <= decided.t1;
+    step(MPTC_NEXT_T2 + 12 downto MPTC_NEXT_T2) <= decided.t2;
+    step(MPTC_CLAMPED) <= core_clamped;
 
-    -- the observer's outputs move on before the core has decided; where they are kept depends on it
-    g_speed_seen : if SENSORLESS generate
-      seen_alpha <= shown_alpha;
-      seen_beta  <= shown_beta;
-      seen_omega <= from_hardware.result.speed.omega_r.next_q;
-    end generate g_speed_seen;
-
-    g_flux_seen : if not SENSORLESS generate
-      seen_alpha <= to_hardware.result.stator_flux.alpha.value;
-      seen_beta  <= to_hardware.result.stator_flux.beta.value;
-      seen_omega <= sample.omega_r.value.value;
-    end generate g_flux_seen;
-
-    decided <= chosen when FAMILY else
-               (core_u, core_u, core_u, WHOLE_PERIOD, (others => '0'));
-
-    p_step : process (all) is
-    begin
-
-      step <= (others => '0');
-      step(MPTC_IS_ALPHA + 15 downto MPTC_IS_ALPHA) <= sample.is_alpha.value.value;
-      step(MPTC_IS_BETA + 15 downto MPTC_IS_BETA) <= sample.is_beta.value.value;
-      step(MPTC_V_DC + 15 downto MPTC_V_DC) <= sample.v_dc.value.value;
-      step(MPTC_TORQUE_REF + 15 downto MPTC_TORQUE_REF) <= sample.torque_ref.value.value;
-      step(MPTC_PSI_REF + 14 downto MPTC_PSI_REF) <= sample.psi_ref.value.value;
-      step(MPTC_PSIS_ALPHA + 15 downto MPTC_PSIS_ALPHA) <= seen_alpha;
-      step(MPTC_PSIS_BETA + 15 downto MPTC_PSIS_BETA) <= seen_beta;
-      step(MPTC_OMEGA_R + 15 downto MPTC_OMEGA_R) <= seen_omega;
-      step(MPTC_APPLIED + 8 downto MPTC_APPLIED) <= sequence_now.u3 & sequence_now.u2 & sequence_now.u1;
-      step(MPTC_T1 + 12 downto MPTC_T1) <= sequence_now.t1;
-      step(MPTC_T2 + 12 downto MPTC_T2) <= sequence_now.t2;
-      step(MPTC_GATES + 23 downto MPTC_GATES) <= from_hardware.system.gates.gates.next_q;
-      step(MPTC_APPLIED_NEXT + 8 downto MPTC_APPLIED_NEXT) <= decided.u3 & decided.u2 & decided.u1;
-      step(MPTC_NEXT_T1 + 12 downto MPTC_NEXT_T1) <= decided.t1;
-      step(MPTC_NEXT_T2 + 12 downto MPTC_NEXT_T2) <= decided.t2;
-      step(MPTC_CYCLES + 15 downto MPTC_CYCLES) <= from_hardware.system.cycles.last.next_q;
-      step(MPTC_NUMBER + 15 downto MPTC_NUMBER) <= from_hardware.system.decisions.count.next_q(15 downto 0);
-      step(MPTC_FAULTS + faults'high downto MPTC_FAULTS) <= faults;
-      step(MPTC_SATURATED) <= core_saturated;
-      step(MPTC_CLAMPED) <= core_clamped;
-
-    end process p_step;
-
-    i_recorder : entity work.recorder
-      generic map (
-        ROWS_LOG2 => selector_width(RECORDER_ROWS),
-        INPUTS    => MPTC_INPUTS,
-        RESULTS   => MPTC_RESULTS
-      )
-      port map (
-        clk        => clk,
-        rst        => rst,
-        begins     => core_start,
-        busy       => deciding,
-        decided    => core_valid,
-        step_words => step,
-        deadlock   => '0',
-        saturated  => core_saturated,
-        tripped    => from_hardware.system.status.fault.next_q,
-        awaddr     => s_axil_awaddr,
-        wdata      => s_axil_wdata,
-        m_awvalid  => heard_awvalid,
-        m_awready  => heard_awready,
-        m_wvalid   => heard_wvalid,
-        m_wready   => heard_wready,
-        m_bready   => heard_bready,
-        m_bvalid   => heard_bvalid,
-        m_bresp    => heard_bresp,
-        araddr     => s_axil_araddr,
-        m_arvalid  => heard_arvalid,
-        m_arready  => heard_arready,
-        m_rready   => heard_rready,
-        m_rvalid   => heard_rvalid,
-        m_rdata    => heard_rdata,
-        m_rresp    => heard_rresp,
-        s_awvalid  => gated_awvalid,
-        s_awready  => gated_awready,
-        s_wvalid   => gated_wvalid,
-        s_wready   => gated_wready,
-        s_bready   => gated_bready,
-        s_bvalid   => gated_bvalid,
-        s_bresp    => gated_bresp,
-        s_arvalid  => gated_arvalid,
-        s_arready  => gated_arready,
-        s_rready   => gated_rready,
-        s_rvalid   => gated_rvalid,
-        s_rdata    => gated_rdata,
-        s_rresp    => gated_rresp
-      );
-
-  end generate g_recorder;
-
-  g_no_recorder : if RECORDER_ROWS = 0 generate
-    gated_awvalid <= heard_awvalid;
-    heard_awready <= gated_awready;
-    gated_wvalid  <= heard_wvalid;
-    heard_wready  <= gated_wready;
-    gated_bready  <= heard_bready;
-    heard_bvalid  <= gated_bvalid;
-    heard_bresp   <= gated_bresp;
-    gated_arvalid <= heard_arvalid;
-    heard_arready <= gated_arready;
-    gated_rready  <= heard_rready;
-    heard_rvalid  <= gated_rvalid;
-    heard_rdata   <= gated_rdata;
-    heard_rresp   <= gated_rresp;
-  end generate g_no_recorder;
+  end process p_step;
 
   ---------------------------------------------------------------------------------------------
   -- What registers and ports show

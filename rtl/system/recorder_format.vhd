@@ -26,6 +26,14 @@ package recorder_format is
 
   subtype causes_t is std_logic_vector(CAUSE_MANUAL downto 0);
 
+  -- lowest bit of each quantity that every controller has
+  constant RECORD_GATES : natural := 256; -- bits: 24
+  constant RECORD_APPLIED_NEXT : natural := 288; -- bits: 9
+  constant RECORD_CYCLES : natural := 304; -- bits: 16
+  constant RECORD_NUMBER : natural := 320; -- bits: 16
+  constant RECORD_FAULTS : natural := 336; -- bits: 15
+  constant RECORD_SATURATED : natural := 297; -- bits: 1
+
   -- words before the decision and of it, lowest bit of each quantity: MPDCC
   constant MPDCC_INPUTS : natural := 8;
   constant MPDCC_RESULTS : natural := 3;
@@ -44,12 +52,6 @@ package recorder_format is
   constant MPDCC_OMEGA_R : natural := 192; -- bits: 16
   constant MPDCC_APPLIED : natural := 208; -- bits: 9
   constant MPDCC_LEAKAGE : natural := 224; -- bits: 17
-  constant MPDCC_GATES : natural := 256; -- bits: 24
-  constant MPDCC_APPLIED_NEXT : natural := 288; -- bits: 9
-  constant MPDCC_CYCLES : natural := 304; -- bits: 16
-  constant MPDCC_NUMBER : natural := 320; -- bits: 16
-  constant MPDCC_FAULTS : natural := 336; -- bits: 15
-  constant MPDCC_SATURATED : natural := 297; -- bits: 1
   constant MPDCC_LENGTH : natural := 280; -- bits: 6
   constant MPDCC_HELD : natural := 286; -- bits: 1
   constant MPDCC_DEADLOCK : natural := 287; -- bits: 1
@@ -69,12 +71,6 @@ package recorder_format is
   constant MPTC_APPLIED : natural := 128; -- bits: 9
   constant MPTC_T1 : natural := 144; -- bits: 13
   constant MPTC_T2 : natural := 160; -- bits: 13
-  constant MPTC_GATES : natural := 256; -- bits: 24
-  constant MPTC_APPLIED_NEXT : natural := 288; -- bits: 9
-  constant MPTC_CYCLES : natural := 304; -- bits: 16
-  constant MPTC_NUMBER : natural := 320; -- bits: 16
-  constant MPTC_FAULTS : natural := 336; -- bits: 15
-  constant MPTC_SATURATED : natural := 297; -- bits: 1
   constant MPTC_CLAMPED : natural := 298; -- bits: 1
   constant MPTC_NEXT_T1 : natural := 352; -- bits: 13
   constant MPTC_NEXT_T2 : natural := 368; -- bits: 13

@@ -1,8 +1,9 @@
 -- What every system has around its controller: start and commit, counters, gate guard, shared registers.
 --
 -- A system consists of its register block, its observer, its core and this shell. The shell gates the bus writes
--- (write_rules, write_gate), orders decisions and commits (decision_sequencer), counts clocks (decision_monitor) and
--- drives the gates (gate_guard). It fills all of the shared registers' inputs.
+-- (write_rules, write_gate) and reads (read_gate), orders decisions and commits (decision_sequencer), counts clocks
+-- (decision_monitor) and drives the gates (gate_guard). It fills all of the shared registers' inputs. With
+-- RECORDER_ROWS the recorder stands between the gates of the bus and the registers.
 --
 -- The guard's settings are shadows: they are taken over with load, as the parameters are by the system. Those in force
 -- are compared with the registers in every clock. While the guard is enabled no write changes either of them, so a
@@ -24,10 +25,12 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.directmpc_math.selector_width;
   use work.directmpc_math.to_std_logic;
   use work.directmpc_system_registers_pkg.all;
   use work.converter_leg.converter;
   use work.gate_tables.all;
+  use work.recorder_format.all;
 
 entity system_shell is
   generic (
@@ -36,7 +39,10 @@ entity system_shell is
     LEAST_DEAD_TIME : positive range 1 to 4095 := 10;   -- clocks; shorter dead times are raised to it
     SECOND_SUPERVISOR : boolean                := false; -- true: the gate guard has two supervisors
     FIRST_BOUND     : natural range 0 to 61    := 0;    -- place of MPDCC's three bounds among the parameters
-    BOUND_LIMIT     : natural range 0 to 65535 := 65535 -- of MPDCC's bounds, trajectory units; 65535: any bound passes
+    BOUND_LIMIT     : natural range 0 to 65535 := 65535; -- of MPDCC's bounds, trajectory units; 65535: any bound passes
+    RECORDER_ROWS   : natural range 0 to 1024  := 0;    -- steps that are recorded: 0, or a power of two from 8 on
+    RECORD_INPUTS   : positive                 := MPDCC_INPUTS; -- words of a record before the decision
+    RECORD_RESULTS  : positive                 := MPDCC_RESULTS -- words of it from the decision on
   );
   port (
     clk                : in    std_logic;                     -- rising edge
@@ -46,7 +52,7 @@ entity system_shell is
     driver_fault       : in    std_logic;                     -- '1': likewise, of a gate driver
     second_clock       : in    std_logic;                     -- '1': the second oscillator runs; for the status alone
     start              : in    std_logic;                     -- '1' for one clock: measurements are at the ports
-    -- bus writes, from the bus and to the register block
+    -- bus, from the master and to the register block
     m_awvalid          : in    std_logic;                     -- '1': address there
     m_awready          : out   std_logic;                     -- '1': address taken
     m_wvalid           : in    std_logic;                     -- '1': data there
@@ -57,6 +63,13 @@ entity system_shell is
     m_wstrb            : in    std_logic_vector(3 downto 0);  -- '1': byte is written
     m_bvalid           : out   std_logic;                     -- '1': response there
     m_bresp            : out   std_logic_vector(1 downto 0);  -- "00": okay, "10": SLVERR
+    m_araddr           : in    std_logic_vector(9 downto 0);  -- byte address
+    m_arvalid          : in    std_logic;                     -- '1': address there
+    m_arready          : out   std_logic;                     -- '1': address taken
+    m_rready           : in    std_logic;                     -- '1': data taken
+    m_rvalid           : out   std_logic;                     -- '1': data there
+    m_rdata            : out   std_logic_vector(31 downto 0); -- data
+    m_rresp            : out   std_logic_vector(1 downto 0);  -- "00": okay, "10": SLVERR
     s_awvalid          : out   std_logic;                     -- '1': address there
     s_awready          : in    std_logic;                     -- '1': address taken
     s_wvalid           : out   std_logic;                     -- '1': data there
@@ -64,6 +77,12 @@ entity system_shell is
     s_bready           : out   std_logic;                     -- '1': response taken
     s_bvalid           : in    std_logic;                     -- '1': response there
     s_bresp            : in    std_logic_vector(1 downto 0);  -- "00": okay, "10": SLVERR
+    s_arvalid          : out   std_logic;                     -- '1': address there
+    s_arready          : in    std_logic;                     -- '1': address taken
+    s_rready           : out   std_logic;                     -- '1': data taken
+    s_rvalid           : in    std_logic;                     -- '1': data there
+    s_rdata            : in    std_logic_vector(31 downto 0); -- data
+    s_rresp            : in    std_logic_vector(1 downto 0);  -- "00": okay, "10": SLVERR
     -- registers
     written            : in    system_registers_out_t;        -- what software has written
     settings           : in    guard_registers_out_t;         -- shadows of the guard's settings
@@ -82,12 +101,14 @@ entity system_shell is
     load_at_rest       : out   std_logic;                     -- '1': a commit waits, no decision is under way
     load_waits         : in    std_logic;                     -- '1': parameters are not taken over yet
     preparing          : in    std_logic;                     -- '1': they are not yet in force
+    decides            : in    std_logic;                     -- '1' for one clock: the core begins
     decided            : in    std_logic;                     -- '1' for one clock: the core has decided
     saturated          : in    std_logic;                     -- '1' with decided: a value did not fit its word
     deadlock           : in    std_logic;                     -- '1' with decided: no candidate stays inside
     clamped            : in    std_logic;                     -- '1' with decided: MPFC cannot reach the torque
     observer_saturated : in    std_logic;                     -- '1': a value of the observer did not fit its word
     cycles             : out   std_logic_vector(15 downto 0); -- of the last decision, unsigned
+    step_words         : in    record_t;                      -- to be recorded, but for what the shell knows
     -- gates
     is_alpha           : in    std_logic_vector(15 downto 0); -- measured stator current, signed, valid with go
     is_beta            : in    std_logic_vector(15 downto 0); -- signed, unit as is_alpha
@@ -134,6 +155,19 @@ architecture rtl of system_shell is
   signal bands_in_force : std_logic_vector(47 downto 0);
   signal differ       : std_logic;             -- they are not those of the registers
   signal altered      : std_logic;             -- they have changed by themselves
+  signal heard_awvalid : std_logic;            -- between gates and recorder
+  signal heard_awready : std_logic;
+  signal heard_wvalid  : std_logic;
+  signal heard_wready  : std_logic;
+  signal heard_bready  : std_logic;
+  signal heard_bvalid  : std_logic;
+  signal heard_bresp   : std_logic_vector(1 downto 0);
+  signal heard_arvalid : std_logic;
+  signal heard_arready : std_logic;
+  signal heard_rready  : std_logic;
+  signal heard_rvalid  : std_logic;
+  signal heard_rdata   : std_logic_vector(31 downto 0);
+  signal heard_rresp   : std_logic_vector(1 downto 0);
   signal hold         : std_logic;             -- a write waits
   signal refuse       : std_logic;             -- a write is refused
   signal passed       : std_logic;             -- a write goes to the registers
@@ -163,6 +197,7 @@ architecture rtl of system_shell is
   signal is_running   : std_logic;
   signal is_resting   : std_logic;
   signal latched      : faults_t;
+  signal tripped      : std_logic;             -- there is one
   signal faults_shown : faults_t;              -- as the register has them
   signal faults_until : faults_t;              -- a clock ago
   signal clear        : faults_t;
@@ -184,7 +219,7 @@ begin
   unchanged <= pending or load_waits;
 
   ---------------------------------------------------------------------------------------------
-  -- Bus writes, start, commit
+  -- Bus
   ---------------------------------------------------------------------------------------------
 
   whole <= '1' when m_wstrb = "1111" else
@@ -224,17 +259,130 @@ begin
       m_bready  => m_bready,
       m_bvalid  => answered,
       m_bresp   => answer,
-      s_awvalid => s_awvalid,
-      s_awready => s_awready,
-      s_wvalid  => s_wvalid,
-      s_wready  => s_wready,
-      s_bready  => s_bready,
-      s_bvalid  => s_bvalid,
-      s_bresp   => s_bresp
+      s_awvalid => heard_awvalid,
+      s_awready => heard_awready,
+      s_wvalid  => heard_wvalid,
+      s_wready  => heard_wready,
+      s_bready  => heard_bready,
+      s_bvalid  => heard_bvalid,
+      s_bresp   => heard_bresp
     );
 
   m_bvalid <= answered;
   m_bresp  <= answer;
+
+  i_read_gate : entity work.read_gate
+    port map (
+      clk       => clk,
+      rst       => rst,
+      m_arvalid => m_arvalid,
+      m_arready => m_arready,
+      m_rready  => m_rready,
+      m_rvalid  => m_rvalid,
+      m_rdata   => m_rdata,
+      m_rresp   => m_rresp,
+      s_arvalid => heard_arvalid,
+      s_arready => heard_arready,
+      s_rready  => heard_rready,
+      s_rvalid  => heard_rvalid,
+      s_rdata   => heard_rdata,
+      s_rresp   => heard_rresp
+    );
+
+  ---------------------------------------------------------------------------------------------
+  -- Recorder
+  ---------------------------------------------------------------------------------------------
+
+  g_recorder : if RECORDER_ROWS > 0 generate
+
+    signal words : record_t;
+
+  begin
+
+    assert RECORDER_ROWS = 2 ** selector_width(RECORDER_ROWS) and RECORDER_ROWS >= 8
+      report "RECORDER_ROWS has to be 0, or a power of two from 8 to 1024"
+      severity failure;
+
+    p_words : process (all) is
+    begin
+
+      words <= step_words;
+      words(RECORD_GATES + 23 downto RECORD_GATES) <= std_logic_vector(resize(unsigned(all_gates), 24));
+      words(RECORD_CYCLES + 15 downto RECORD_CYCLES) <= last_cycles;
+      words(RECORD_NUMBER + 15 downto RECORD_NUMBER) <= decisions(15 downto 0);
+      words(RECORD_FAULTS + FAULT_COUNT - 1 downto RECORD_FAULTS) <= latched;
+      words(RECORD_SATURATED) <= saturated;
+
+    end process p_words;
+
+    i_recorder : entity work.recorder
+      generic map (
+        ROWS_LOG2 => selector_width(RECORDER_ROWS),
+        INPUTS    => RECORD_INPUTS,
+        RESULTS   => RECORD_RESULTS
+      )
+      port map (
+        clk        => clk,
+        rst        => rst,
+        begins     => decides,
+        busy       => busy,
+        decided    => decided,
+        step_words => words,
+        deadlock   => deadlock,
+        saturated  => saturated,
+        tripped    => tripped,
+        awaddr     => m_awaddr,
+        wdata      => m_wdata,
+        m_awvalid  => heard_awvalid,
+        m_awready  => heard_awready,
+        m_wvalid   => heard_wvalid,
+        m_wready   => heard_wready,
+        m_bready   => heard_bready,
+        m_bvalid   => heard_bvalid,
+        m_bresp    => heard_bresp,
+        araddr     => m_araddr,
+        m_arvalid  => heard_arvalid,
+        m_arready  => heard_arready,
+        m_rready   => heard_rready,
+        m_rvalid   => heard_rvalid,
+        m_rdata    => heard_rdata,
+        m_rresp    => heard_rresp,
+        s_awvalid  => s_awvalid,
+        s_awready  => s_awready,
+        s_wvalid   => s_wvalid,
+        s_wready   => s_wready,
+        s_bready   => s_bready,
+        s_bvalid   => s_bvalid,
+        s_bresp    => s_bresp,
+        s_arvalid  => s_arvalid,
+        s_arready  => s_arready,
+        s_rready   => s_rready,
+        s_rvalid   => s_rvalid,
+        s_rdata    => s_rdata,
+        s_rresp    => s_rresp
+      );
+
+  end generate g_recorder;
+
+  g_no_recorder : if RECORDER_ROWS = 0 generate
+    s_awvalid     <= heard_awvalid;
+    heard_awready <= s_awready;
+    s_wvalid      <= heard_wvalid;
+    heard_wready  <= s_wready;
+    s_bready      <= heard_bready;
+    heard_bvalid  <= s_bvalid;
+    heard_bresp   <= s_bresp;
+    s_arvalid     <= heard_arvalid;
+    heard_arready <= s_arready;
+    s_rready      <= heard_rready;
+    heard_rvalid  <= s_rvalid;
+    heard_rdata   <= s_rdata;
+    heard_rresp   <= s_rresp;
+  end generate g_no_recorder;
+
+  ---------------------------------------------------------------------------------------------
+  -- Start, commit
+  ---------------------------------------------------------------------------------------------
 
   i_sequencer : entity work.decision_sequencer
     port map (
@@ -433,6 +581,7 @@ begin
 
   end process p_until;
 
+  tripped <= '0' when latched = (latched'range => '0') else '1';
   gates   <= all_gates;
   running <= is_running;
   faults  <= latched;
@@ -451,7 +600,7 @@ begin
   shown.status.commit_pending.next_q <= pending or preparing;
   shown.status.running.next_q        <= is_running;
   shown.status.commutating.next_q    <= not is_resting;
-  shown.status.fault.next_q          <= '0' when latched = (latched'range => '0') else '1';
+  shown.status.fault.next_q          <= tripped;
   shown.status.enabled.next_q        <= enabled;
   shown.status.in_force.next_q       <= not differ;
   shown.status.second_clock.next_q   <= second_clock;

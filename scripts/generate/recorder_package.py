@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from directmpc.host import recorder
@@ -33,6 +34,14 @@ package recorder_format is
 """
 
 
+def _places(prefix: str, fields: Iterable[recorder.Field]) -> list[str]:
+    return [
+        f"  constant {prefix}_{f.name.upper()} : natural := {32 * f.word + f.low};"
+        f" -- bits: {f.width}"
+        for f in fields
+    ]
+
+
 def text() -> str:
     """The whole package.
 
@@ -48,20 +57,21 @@ def text() -> str:
         for n, name in enumerate(recorder.CAUSES)
     ]
     lines += ["", "  subtype causes_t is std_logic_vector(CAUSE_MANUAL downto 0);", ""]
+    lines += [
+        "  -- lowest bit of each quantity that every controller has",
+        *_places("RECORD", recorder.SHARED),
+    ]
     for controller, fields in recorder.FIELDS.items():
         inputs, results = recorder.words(controller)
         prefix = controller.upper()
         lines += [
+            "",
             f"  -- words before the decision and of it, lowest bit of each quantity: {prefix}",
             f"  constant {prefix}_INPUTS : natural := {inputs};",
             f"  constant {prefix}_RESULTS : natural := {results};",
+            *_places(prefix, [f for f in fields if f not in recorder.SHARED]),
         ]
-        lines += [
-            f"  constant {prefix}_{f.name.upper()} : natural := {32 * f.word + f.low};"
-            f" -- bits: {f.width}"
-            for f in fields
-        ]
-        lines.append("")
+    lines.append("")
     known = registers_of("mpdcc")
     own = {name: row for name, row in known.items() if name.startswith("recorder.")}
     block = own["recorder.status"][0]
