@@ -91,7 +91,7 @@ def _vhdl_files() -> list[tuple[list[Path], list[Path]]]:
 
 def _vsg(configuration: list[Path], files: list[Path], *options: str) -> list[str]:
     """VSG's findings; a warning counts as much as an error."""
-    command = [*tools.tool("vsg"), "-c", *map(str, configuration), "-ap", "-of", "syntastic"]
+    command = [*tools.tool("vsg"), "-c", *map(str, configuration), "-of", "syntastic"]
     names = [str(path.relative_to(ROOT)) for path in files]
     command += ["-p", os.environ.get("JOBS", "2"), *options, "-f", *names]
     done = subprocess.run(command, cwd=ROOT, text=True, capture_output=True, check=False)
@@ -103,7 +103,7 @@ def _vsg(configuration: list[Path], files: list[Path], *options: str) -> list[st
 
 def _vhdl_style() -> list[str]:
     """VSG over all VHDL."""
-    return [line for pair in _vhdl_files() for line in _vsg(*pair)]
+    return [line for pair in _vhdl_files() for line in _vsg(*pair, "--all_phases")]
 
 
 def _python_directories() -> list[str]:

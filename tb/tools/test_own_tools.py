@@ -1,8 +1,8 @@
 """A tool of the user's own is the one that is started, cocotb's simulator too.
 
 Stimulus: GHDL set to a script that notes its arguments and starts the GHDL of this machine.
-Checks: that analysis and simulation reach the script; which line is the version; the
-message when a tool is not there.
+Checks: that analysis and simulation reach the script; which line is the version; the message when
+a tool is not there; that the style checker rewrites a file.
 Does not prove: that another version of a tool will do; the set-up checks versions.
 """
 
@@ -16,6 +16,7 @@ from cocotb_tools.runner import get_runner
 
 from scripts.hdl import ghdl
 from scripts.hdl.simulator import Bench, Job, SimulationError, simulate
+from scripts.measure import checks
 from scripts.shared import tools
 
 
@@ -82,3 +83,14 @@ def test_a_simulation_without_a_simulator_is_refused(monkeypatch) -> None:
     monkeypatch.setenv("GHDL", "/opt/none")
     with pytest.raises(SimulationError, match="there is no command '/opt/none'"):
         simulate(Job(), Bench((), "none.vhd", "none", {}))
+
+
+def test_format_rewrites_vhdl(tmp_path, monkeypatch) -> None:
+    source = checks.ROOT / "rtl" / "common" / "countdown.vhd"
+    whole, copy = source.read_text(encoding="utf-8"), tmp_path / source.name
+    copy.write_text(whole.replace("process", "PROCESS"), encoding="utf-8")
+    monkeypatch.setattr(checks, "ROOT", tmp_path)
+    monkeypatch.setattr(checks, "_vhdl_files", lambda: [([checks.CONFIGURATION], [copy])])
+    assert any("PROCESS" in line for line in checks.CHECKS["VHDL style (vsg)"]())
+    assert checks.rewrite()[1]
+    assert copy.read_text(encoding="utf-8") == whole
