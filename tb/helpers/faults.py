@@ -54,3 +54,22 @@ def assert_seen(fault: Fault, folder: Path, bench: Callable[[Path], object]) -> 
     with pytest.raises(CheckError) as caught:
         bench(rtl)
     assert re.match(fault.check, caught.value.check), caught.value.check
+
+
+def seen(
+    unit: str,
+    bench: Callable[..., object],
+    *faults: tuple[str, str, str] | tuple[str, str, str, str],
+) -> Callable[..., None]:
+    """The test that ``bench(rtl=...)`` notices each fault.
+
+    A fault is what stands in the unit's file, what is put there instead, and the check, as of
+    `Fault`; one of another unit has that unit's name behind these.
+    """
+    every = [Fault((*fault, unit)[3], *fault[:3]) for fault in faults]
+
+    @pytest.mark.parametrize("fault", every, ids=str)
+    def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
+        assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
+
+    return test_a_fault_is_seen

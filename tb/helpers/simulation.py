@@ -19,6 +19,8 @@ VARIANTS: dict[str, dict[str, object]] = {
     "fast": {"FOLDED": "false"},
 }
 
+RTL_TESTS = Path(__file__).resolve().parents[1] / "rtl"
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -29,11 +31,17 @@ class Outcome:
     measured: dict[str, int]  #: Extremes of what was measured, clocks for instance.
 
 
+def bench_of(top: str) -> str:
+    """The cocotb module of an entity's own bench, whatever room it is in."""
+    (found,) = RTL_TESTS.glob(f"*/{top}/bench_{top}.py")
+    return ".".join(("tb", *found.relative_to(RTL_TESTS.parent).with_suffix("").parts))
+
+
 def run(
     top: str,
-    module: str,
+    module: str = "",
     *,
-    units: Sequence[str],
+    units: Sequence[str] = (),
     files: Sequence[Path] = (),
     flat: Flat | None = None,
     generics: Mapping[str, object] | None = None,
@@ -43,10 +51,13 @@ def run(
 ) -> Outcome:
     """Run a bench that keeps a scoreboard and return what it counted.
 
+    Without ``module`` it is the bench of the top, without ``units`` the top is what it needs.
+
     ``arguments`` reach the cocotb module through the environment, so that it never asks the
     simulator for a generic.  A bench that counted no check has failed.  With ``flat`` the top is a
     wrapper of that entity.
     """
+    module, units = module or bench_of(top), units or [top]
     with tempfile.TemporaryDirectory(prefix="directmpc-bench-") as name:
         folder = Path(name)
         result = folder / "outcome.json"

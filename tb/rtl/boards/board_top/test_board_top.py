@@ -34,7 +34,6 @@ def bench(
 ) -> Outcome:
     return run(
         "board_top",
-        "tb.rtl.boards.board_top.bench_board_top",
         units=["board_top", *(["board_clock"] if generics.get("PLL") else [])],
         generics=generics,
         arguments={"decisions": decisions, "case": case},

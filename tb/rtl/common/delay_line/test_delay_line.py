@@ -21,7 +21,7 @@ from scripts.hdl import netlist_check
 from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL, compile_order, rtl_files
 from scripts.shared import tools
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import Fault, assert_seen, seen
 from tb.helpers.simulation import Outcome, run
 from tb.rtl.common.delay_line.delays import DELAYS, due, stimulus
 
@@ -110,20 +110,12 @@ def test_the_netlists_words_come_out_in_time(width: int) -> None:
     assert min(netlist_bench(width).values()) >= 6000
 
 
-FAULTS = [
-    Fault("delay_line", "place <= 0;", "place <= place_t'high;", r"\d+ clocks: got"),
-    Fault(
-        "delay_line",
-        "ring(place) <= word;",
-        "ring(following(place)) <= word;",
-        r"\d+ clocks: got",
-    ),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(clocks=1000, rtl=rtl))
+test_a_fault_is_seen = seen(
+    "delay_line",
+    lambda rtl: bench(clocks=1000, rtl=rtl),
+    ("place <= 0;", "place <= place_t'high;", r"\d+ clocks: got"),
+    ("ring(place) <= word;", "ring(following(place)) <= word;", r"\d+ clocks: got"),
+)
 
 
 #: The delay line's process, and the same with the order of the places as a constant array.

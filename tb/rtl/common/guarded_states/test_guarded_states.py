@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 GENERICS = [
@@ -50,46 +50,39 @@ def test_functions_are_exact(values: tuple[int, ...]) -> None:
     assert found.covered["moved further than a state is wide"] >= 2
 
 
-FAULTS = [
+test_a_fault_is_seen = seen(
+    "guarded_states",
+    bench,
     # rounds a state where it has to cut
-    Fault("guarded_states", "bits := value;", "bits := value + 2 ** (guard - 1);", r"coarse:"),
+    ("bits := value;", "bits := value + 2 ** (guard - 1);", r"coarse:"),
     # rounds without room for the largest state
-    Fault(
-        "guarded_states",
+    (
         "sum := resize(value, value'length + 1) + 2 ** (cut - 1);",
         "sum := resize(value + 2 ** (cut - 1), value'length + 1);",
         r"nearest:",
     ),
     # cuts where it has to round
-    Fault("guarded_states", "+ 2 ** (cut - 1)", "", r"nearest:"),
+    ("+ 2 ** (cut - 1)", "", r"nearest:"),
     # a difference without its carry
-    Fault(
-        "guarded_states",
+    (
         "moved := resize(value, value'length + 1) - resize(origin, value'length + 1);",
         "moved := resize(value - origin, value'length + 1);",
         r"half:",
     ),
     # a negative state extended with zeros
-    Fault(
-        "guarded_states",
+    (
         "shift_left(resize(value, width), shift);",
         "shift_left(signed(resize(unsigned(value), width)), shift);",
         r"seed:",
     ),
     # a whole LSB
-    Fault(
-        "guarded_states",
+    (
         "(others => '0');\n    result(shift - 1) := '1';",
         "(others => '0');\n    result(shift) := '1';",
         r"half LSB:",
     ),
     # the last word and nothing of those before
-    Fault("guarded_states", "result := result or (words", "result := (words", r"chosen:"),
+    ("result := result or (words", "result := (words", r"chosen:"),
     # choice from the other end
-    Fault("guarded_states", "choice(i)", "choice(COUNT - 1 - i)", r"chosen:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
+    ("choice(i)", "choice(COUNT - 1 - i)", r"chosen:"),
+)

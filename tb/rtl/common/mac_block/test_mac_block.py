@@ -12,13 +12,11 @@ Does not prove: anything about sums too long for ACCUMULATOR_WIDTH, which are th
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from scripts.hdl.ghdl import BenchError, BuildError
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 GENERICS = [
@@ -35,8 +33,6 @@ NAMES = ("A_WIDTH", "B_WIDTH", "A_WORDS", "B_WORDS", "ALIGNMENT_STEP", "ACCUMULA
 def bench(values: tuple[int, ...], clocks: int = 1200, rtl=RTL) -> Outcome:
     return run(
         "mac_block",
-        "tb.rtl.common.mac_block.bench_mac_block",
-        units=["mac_block"],
         generics=dict(zip(NAMES, values, strict=True)),
         arguments={"seed": sum(values), "clocks": clocks},
         rtl=rtl,
@@ -58,15 +54,12 @@ def test_impossible_generics_are_refused(values: tuple[int, ...]) -> None:
         bench(values, clocks=60)
 
 
-FAULTS = [
-    Fault("mac_block", "aligned + seed_2;", "aligned;", r"accumulator:"),
-    Fault("mac_block", "if (enable_2 = '1') then", "if (true) then", r"accumulator:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench((18, 16, 9, 9, 3, 43), clocks=300, rtl=rtl))
+test_a_fault_is_seen = seen(
+    "mac_block",
+    lambda rtl: bench((18, 16, 9, 9, 3, 43), clocks=300, rtl=rtl),
+    ("aligned + seed_2;", "aligned;", r"accumulator:"),
+    ("if (enable_2 = '1') then", "if (true) then", r"accumulator:"),
+)
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

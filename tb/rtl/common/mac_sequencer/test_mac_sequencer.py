@@ -22,7 +22,7 @@ from directmpc.mptc import speed_observer_program as speed
 from scripts.hdl.clocks import clocks_of
 from scripts.hdl.ghdl import BenchError, BuildError
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 ENTRIES: dict[str, object] = {"SECOND_AT": 2, "THIRD_AT": 3}
@@ -31,8 +31,6 @@ ENTRIES: dict[str, object] = {"SECOND_AT": 2, "THIRD_AT": 3}
 def bench(rtl: Path = RTL, generics: dict[str, object] | None = None) -> Outcome:
     return run(
         "mac_sequencer",
-        "tb.rtl.common.mac_sequencer.bench_mac_sequencer",
-        units=["mac_sequencer"],
         generics=ENTRIES | (generics or {}),
         arguments={"seed": 3, "clocks": 2000},
         rtl=rtl,
@@ -44,56 +42,28 @@ def test_it_follows_its_program(in_ram: str) -> None:
     assert bench(generics={"IN_RAM": in_ram}).checks["program"] == 2000
 
 
-FAULTS = [
-    Fault(
-        "mac_sequencer",
-        "if (address = LAST_AT or",
-        "if (address = LAST_AT - 1 or",
-        "(program|due|busy)",
-    ),
-    Fault(
-        "mac_sequencer",
-        "if (MAC_PROGRAM(i, 4) /= GATHER) then",
-        "if (MAC_PROGRAM(i, 4) = 0) then",
-        "program",
-    ),
-    Fault(
-        "mac_sequencer",
-        "THIRD_AT when entry(1)",
-        "SECOND_AT when entry(1)",
-        "(program|due|busy|ahead)",
-    ),
-    Fault("mac_sequencer", "row_of(SECOND_AT) when", "row_of(0) when", "(program|due|ahead)"),
-    Fault("mac_sequencer", "LAST_AT or leave = '1'", "LAST_AT", "(program|due|busy)"),
-    Fault(
-        "mac_sequencer", "b_ahead     <= row.b_select;", "b_ahead     <= outputs.b_select;", "ahead"
-    ),
-    Fault("mac_programs", "(0 to 1) := (3, 6)", "(0 to 1) := (3, 5)", "due"),
-    Fault("mac_sequencer", "        valid   <= '0';\n      end if;", "      end if;", "valid"),
-]
-
-
 #: Of the rows in RAM: a word too far, and fields that are read where others are.
-IN_RAM = [
-    Fault(
-        "mac_sequencer",
-        "to_unsigned((shown + 1)",
-        "to_unsigned((shown + 2)",
-        "(program|due|ahead)",
-    ),
-    Fault("mac_sequencer", "<= bits(3 downto 2);", "<= bits(2 downto 1);", "program"),
-    Fault("mac_sequencer", "bits(3 + A_BITS downto 4);", "bits(4 + A_BITS downto 5);", "program"),
-]
+test_a_fault_of_rows_in_ram_is_found = seen(
+    "mac_sequencer",
+    lambda rtl: bench(rtl, {"IN_RAM": "true"}),
+    ("to_unsigned((shown + 1)", "to_unsigned((shown + 2)", "(program|due|ahead)"),
+    ("<= bits(3 downto 2);", "<= bits(2 downto 1);", "program"),
+    ("bits(3 + A_BITS downto 4);", "bits(4 + A_BITS downto 5);", "program"),
+)
 
 
-@pytest.mark.parametrize("fault", IN_RAM, ids=str)
-def test_a_fault_of_rows_in_ram_is_found(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl, {"IN_RAM": "true"}))
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_found(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_found = seen(
+    "mac_sequencer",
+    bench,
+    ("if (address = LAST_AT or", "if (address = LAST_AT - 1 or", "(program|due|busy)"),
+    ("if (MAC_PROGRAM(i, 4) /= GATHER) then", "if (MAC_PROGRAM(i, 4) = 0) then", "program"),
+    ("THIRD_AT when entry(1)", "SECOND_AT when entry(1)", "(program|due|busy|ahead)"),
+    ("row_of(SECOND_AT) when", "row_of(0) when", "(program|due|ahead)"),
+    ("LAST_AT or leave = '1'", "LAST_AT", "(program|due|busy)"),
+    ("b_ahead     <= row.b_select;", "b_ahead     <= outputs.b_select;", "ahead"),
+    ("(0 to 1) := (3, 6)", "(0 to 1) := (3, 5)", "due", "mac_programs"),
+    ("        valid   <= '0';\n      end if;", "      end if;", "valid"),
+)
 
 
 @pytest.mark.parametrize("generics", [{"LAST_AT": 5}, {"B_BITS": 1}, {"SEEDS": 1}, {"VALID_AT": 9}])

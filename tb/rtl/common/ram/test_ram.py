@@ -51,8 +51,6 @@ def bench(
         generics["CONTENTS"] = contents
     return run(
         "ram",
-        "tb.rtl.common.ram.bench_ram",
-        units=["ram"],
         generics=generics,
         arguments={"seed": 100 * width + latency, "clocks": clocks},
         rtl=rtl,

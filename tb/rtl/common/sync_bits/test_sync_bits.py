@@ -43,8 +43,6 @@ LATENCY = clocks_of("sync_bits", "latency")
 def bench(width: int = 3, stages: int = LATENCY, clocks: int = 500, rtl: Path = RTL) -> Outcome:
     return run(
         "sync_bits",
-        "tb.rtl.common.sync_bits.bench_sync_bits",
-        units=["sync_bits"],
         generics={"WIDTH": width, "STAGES": stages},
         arguments={"seed": 10 * width + stages, "clocks": clocks},
         rtl=rtl,

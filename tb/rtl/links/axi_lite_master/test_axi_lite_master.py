@@ -15,10 +15,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "axi_lite_master"
@@ -26,12 +24,7 @@ NAME = "axi_lite_master"
 
 def bench(rtl: Path = RTL, accesses: int = 60) -> Outcome:
     return run(
-        NAME,
-        f"tb.rtl.links.{NAME}.bench_{NAME}",
-        units=[NAME],
-        generics={"ADDRESS_WIDTH": 10, "LIMIT": 40},
-        arguments={"accesses": accesses},
-        rtl=rtl,
+        NAME, generics={"ADDRESS_WIDTH": 10, "LIMIT": 40}, arguments={"accesses": accesses}, rtl=rtl
     )
 
 
@@ -39,28 +32,20 @@ def test_accesses_end() -> None:
     bench()
 
 
-FAULTS = [
-    Fault(NAME, "or crooked = '1' or r.owed = '1') then", "or crooked = '1') then", "owed"),
-    Fault(NAME, "v.owed   := '1';", "null;", "(owed|dropped)"),
-    Fault(NAME, "        v.owed   := '0';\n", "", "goes on"),
-    Fault(NAME, "if (r.owed = '0') then", "if (true) then", "dropped"),
-    Fault(NAME, "timer = LIMIT", "timer = LIMIT - 1", "time"),
-    Fault(NAME, "or crooked = '1'", "", "(no register|offer)"),
-    Fault(NAME, "(outside = '1' or crooked", "(crooked", "(no register|offer)"),
-    Fault(
-        NAME,
-        "place     <= address(ADDRESS_WIDTH - 1 downto 0);",
-        "place <= (others => '0');",
-        "offer",
-    ),
-    Fault(NAME, "    done    => '0'\n", "    done    => '1'\n", "reset"),
-    Fault(NAME, "v := STATE_INIT;", "v.busy := '0';", "reset"),
-    Fault(NAME, "or (r.rready and rvalid)", "or rvalid", "stray"),
-    Fault(NAME, "(r.bready and bvalid) or", "bvalid or", "stray"),
-    Fault(NAME, "response <= rresp;", 'response <= bresp and "00";', "answer"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_seen = seen(
+    NAME,
+    bench,
+    ("or crooked = '1' or r.owed = '1') then", "or crooked = '1') then", "owed"),
+    ("v.owed   := '1';", "null;", "(owed|dropped)"),
+    ("        v.owed   := '0';\n", "", "goes on"),
+    ("if (r.owed = '0') then", "if (true) then", "dropped"),
+    ("timer = LIMIT", "timer = LIMIT - 1", "time"),
+    ("or crooked = '1'", "", "(no register|offer)"),
+    ("(outside = '1' or crooked", "(crooked", "(no register|offer)"),
+    ("place     <= address(ADDRESS_WIDTH - 1 downto 0);", "place <= (others => '0');", "offer"),
+    ("    done    => '0'\n", "    done    => '1'\n", "reset"),
+    ("v := STATE_INIT;", "v.busy := '0';", "reset"),
+    ("or (r.rready and rvalid)", "or rvalid", "stray"),
+    ("(r.bready and bvalid) or", "bvalid or", "stray"),
+    ("response <= rresp;", 'response <= bresp and "00";', "answer"),
+)

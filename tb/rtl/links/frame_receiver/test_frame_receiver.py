@@ -13,10 +13,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "frame_receiver"
@@ -26,8 +24,6 @@ LIMIT = 800  # clocks that a frame may take
 def bench(rtl: Path = RTL, frames: int = 200) -> Outcome:
     return run(
         NAME,
-        f"tb.rtl.links.{NAME}.bench_{NAME}",
-        units=[NAME],
         generics={"LIMIT": LIMIT},
         arguments={"frames": frames, "resets": 0.001, "limit": LIMIT},
         rtl=rtl,
@@ -38,23 +34,20 @@ def test_frames_of_both_links_are_judged_and_kept() -> None:
     bench()
 
 
-FAULTS = [
-    Fault(NAME, "store and not (facts.full or busy)", "store and not facts.full", "content"),
-    Fault(NAME, "v.blocked  := r.blocked or busy;", "v.blocked := busy;", "outcome"),
-    Fault(NAME, "v.blocked  := r.blocked or busy;", "v.blocked := '0';", "outcome"),
-    Fault(NAME, "v.late := '1';", "null;", "outcome"),
-    Fault(NAME, "if (loss = '1') then", "if (false) then", "outcome"),
-    Fault(NAME, "place <= turn &", "place <= link &", "content"),
-    Fault(NAME, "data_1 when turn = '0' else", "data_1 when link = '0' else", "(outcome|content)"),
-    Fault(NAME, "        other   <= STATE_INIT;\n", "", "outcome"),
-    Fault(NAME, "elsif (facts.sound = '0') then", "elsif (false) then", "outcome"),
-    Fault(NAME, "(lost and not (here and", "(lost and not (here or", "outcome"),
-    Fault(NAME, "(cut and not (here and", "(cut and not (here or", "outcome"),
-    Fault(NAME, "waiting <= 0;\n\n", "waiting <= 1;\n\n", "outcome"),
-    Fault("link_constants", "MAX_FRAME : natural := 42", "MAX_FRAME : natural := 43", "outcome"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_seen = seen(
+    NAME,
+    bench,
+    ("store and not (facts.full or busy)", "store and not facts.full", "content"),
+    ("v.blocked  := r.blocked or busy;", "v.blocked := busy;", "outcome"),
+    ("v.blocked  := r.blocked or busy;", "v.blocked := '0';", "outcome"),
+    ("v.late := '1';", "null;", "outcome"),
+    ("if (loss = '1') then", "if (false) then", "outcome"),
+    ("place <= turn &", "place <= link &", "content"),
+    ("data_1 when turn = '0' else", "data_1 when link = '0' else", "(outcome|content)"),
+    ("        other   <= STATE_INIT;\n", "", "outcome"),
+    ("elsif (facts.sound = '0') then", "elsif (false) then", "outcome"),
+    ("(lost and not (here and", "(lost and not (here or", "outcome"),
+    ("(cut and not (here and", "(cut and not (here or", "outcome"),
+    ("waiting <= 0;\n\n", "waiting <= 1;\n\n", "outcome"),
+    ("MAX_FRAME : natural := 42", "MAX_FRAME : natural := 43", "outcome", "link_constants"),
+)

@@ -15,10 +15,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "frame_transmitter"
@@ -26,34 +24,22 @@ SENDER = "frame_sender"
 
 
 def bench(rtl: Path = RTL, clocks: int = 12_000) -> Outcome:
-    return run(
-        NAME,
-        f"tb.rtl.links.{NAME}.bench_{NAME}",
-        units=[NAME],
-        arguments={"clocks": clocks},
-        rtl=rtl,
-    )
+    return run(NAME, arguments={"clocks": clocks}, rtl=rtl)
 
 
 def test_both_lines_get_their_frames() -> None:
     assert bench().checks["next_out"] >= 12_000
 
 
-FAULTS = [
-    Fault(NAME, "write_at <= link & place;", "write_at <= '0' & place;", "next_out"),
-    Fault(NAME, "link <= begins(1);", "link <= begins(0);", "offered"),
-    Fault(NAME, "wanted(1) when turn = '1' else", "wanted(0) when turn = '1' else", "next_out"),
-    Fault(SENDER, "if (begins = '1' or rst = '1') then", "if (rst = '1') then", "offered"),
-    Fault(SENDER, "if (ended = '1' and r.phase /= PHASE_IDLE) then", "if (false) then",
-          "(offered|next_out)"),
-    Fault(SENDER, "if (ended = '1' and r.phase /= PHASE_IDLE) then", "if (ended = '1') then",
-          "offered"),
-    Fault(SENDER, "if (r.looked = '1') then", "if (true) then", "next_out"),
-    Fault(SENDER, "if (v.place = bytes) then", "if (r.place = bytes) then",
-          "(offered|next_out)"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_seen = seen(
+    SENDER,
+    bench,
+    ("write_at <= link & place;", "write_at <= '0' & place;", "next_out", NAME),
+    ("link <= begins(1);", "link <= begins(0);", "offered", NAME),
+    ("wanted(1) when turn = '1' else", "wanted(0) when turn = '1' else", "next_out", NAME),
+    ("if (begins = '1' or rst = '1') then", "if (rst = '1') then", "offered"),
+    ("if (ended = '1' and r.phase /= PHASE_IDLE) then", "if (false) then", "(offered|next_out)"),
+    ("if (ended = '1' and r.phase /= PHASE_IDLE) then", "if (ended = '1') then", "offered"),
+    ("if (r.looked = '1') then", "if (true) then", "next_out"),
+    ("if (v.place = bytes) then", "if (r.place = bytes) then", "(offered|next_out)"),
+)

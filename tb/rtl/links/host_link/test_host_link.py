@@ -49,8 +49,6 @@ def bench(
 ) -> Outcome:
     return run(
         "host_link",
-        "tb.rtl.links.host_link.bench_host_link",
-        units=["host_link"],
         generics={"LIMIT": limit, **(generics or {})},
         arguments={"seed": 1, "frames": 70, "case": case, **arguments},
         rtl=rtl,

@@ -27,7 +27,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "link_executor"
@@ -59,8 +59,6 @@ def bench(
 ) -> Outcome:
     return run(
         NAME,
-        f"tb.rtl.links.{NAME}.bench_{NAME}",
-        units=[NAME],
         generics=generics,
         arguments={"seed": 4, "throttle": throttle, "clocks": clocks},
         rtl=rtl,
@@ -82,26 +80,30 @@ def test_frames_are_served_as_the_protocol_says(
         assert found.measured["latency 5"] == (65 if generics is MPDCC else 55)
 
 
-FAULTS = [
-    Fault(NAME, "no_step  <= step_busy or parked;", "no_step  <= parked;",
-          "(link|reply_begins|step_start|reply_data):"),
-    Fault(NAME, "no_step  <= step_busy or parked;", "no_step  <= step_busy;",
-          "(link|reply_begins|step_start|reply_data):"),
-    Fault(NAME, "and not (parked and not r.step_link)", "",
-          "(link|address|reply_begins):"),
-    Fault(NAME, "if (r.intact = '1') then", "if (true) then", "(reply_begins|address):"),
-    Fault(NAME, "v.fetched := r.resumed;", "v.fetched := '0';", "(link|reply_begins|address):"),
-    Fault(NAME, "if (r.served = '0') then", "if (true) then", "(link|address):"),
-    Fault(NAME, "if (is_reply = '1') then", "if (false) then",
-          "(link|served|reply_begins|address):"),
-    Fault(NAME, "silent   <= no_answer and r.resumed;", "silent   <= '0';", "reply_data:"),
-    Fault(NAME, "v.outcome := verdict;", "null;", "(reply_data|outcome):"),
-    Fault(NAME, "v := STATE_INIT;", "v := STATE_INIT; v.phase := r.phase;", "[a-z_]+:"),
-    Fault(NAME, "r.phase = PHASE_CHECK and verdict = OUTCOME_ACCEPTED", "r.phase = PHASE_CHECK",
-          "(reply_data|bus_start|reply_begins|step_start|link):"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_seen = seen(
+    NAME,
+    bench,
+    (
+        "no_step  <= step_busy or parked;",
+        "no_step  <= parked;",
+        "(link|reply_begins|step_start|reply_data):",
+    ),
+    (
+        "no_step  <= step_busy or parked;",
+        "no_step  <= step_busy;",
+        "(link|reply_begins|step_start|reply_data):",
+    ),
+    ("and not (parked and not r.step_link)", "", "(link|address|reply_begins):"),
+    ("if (r.intact = '1') then", "if (true) then", "(reply_begins|address):"),
+    ("v.fetched := r.resumed;", "v.fetched := '0';", "(link|reply_begins|address):"),
+    ("if (r.served = '0') then", "if (true) then", "(link|address):"),
+    ("if (is_reply = '1') then", "if (false) then", "(link|served|reply_begins|address):"),
+    ("silent   <= no_answer and r.resumed;", "silent   <= '0';", "reply_data:"),
+    ("v.outcome := verdict;", "null;", "(reply_data|outcome):"),
+    ("v := STATE_INIT;", "v := STATE_INIT; v.phase := r.phase;", "[a-z_]+:"),
+    (
+        "r.phase = PHASE_CHECK and verdict = OUTCOME_ACCEPTED",
+        "r.phase = PHASE_CHECK",
+        "(reply_data|bus_start|reply_begins|step_start|link):",
+    ),
+)

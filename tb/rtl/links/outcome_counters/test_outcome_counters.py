@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "outcome_counters"
@@ -25,8 +25,6 @@ NAME = "outcome_counters"
 def bench(rtl: Path = RTL, width: int = 4) -> Outcome:
     return run(
         NAME,
-        f"tb.rtl.links.{NAME}.bench_{NAME}",
-        units=[NAME],
         generics={"WIDTH": width},
         arguments={"clocks": 6000, "largest": 10 if width == 4 else 0},
         rtl=rtl,
@@ -38,21 +36,16 @@ def test_outcomes_are_counted(width: int) -> None:
     bench(width=width)
 
 
-FAULTS = [
-    Fault(NAME, "(r.counting and not fresh(WIDTH))", "r.counting", "value"),
-    Fault(NAME, "elsif (r.reading = '0' and r.counting = '0') then", "else", "value"),
-    Fault(NAME, "          v.wanted(2) := '0';", "          null;", "(value|time)"),
-    Fault(NAME, "reason      <= served(1) & serve", "reason      <= '0' & serve", "value"),
-    Fault(NAME, "    shown    => '0'\n", "    shown    => '1'\n", "unasked"),
-    Fault(NAME, "'1' & reason_1 when", "'0' & reason_1 when", "value"),
-    Fault(NAME, "unsigned('0' & present) + 1", "unsigned('0' & present) + 2", "value"),
-    Fault(NAME, "reason_0    <= receive_outcome;", "reason_0    <= serve_outcome;", "value"),
-    Fault(
-        NAME, "        v.clearing := r.clearing + 1;", '        v.clearing := "100000";', "value"
-    ),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_seen = seen(
+    NAME,
+    bench,
+    ("(r.counting and not fresh(WIDTH))", "r.counting", "value"),
+    ("elsif (r.reading = '0' and r.counting = '0') then", "else", "value"),
+    ("          v.wanted(2) := '0';", "          null;", "(value|time)"),
+    ("reason      <= served(1) & serve", "reason      <= '0' & serve", "value"),
+    ("    shown    => '0'\n", "    shown    => '1'\n", "unasked"),
+    ("'1' & reason_1 when", "'0' & reason_1 when", "value"),
+    ("unsigned('0' & present) + 1", "unsigned('0' & present) + 2", "value"),
+    ("reason_0    <= receive_outcome;", "reason_0    <= serve_outcome;", "value"),
+    ("        v.clearing := r.clearing + 1;", '        v.clearing := "100000";', "value"),
+)

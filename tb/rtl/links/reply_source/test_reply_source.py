@@ -23,7 +23,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "reply_source"
@@ -53,8 +53,6 @@ def bench(
 ) -> Outcome:
     return run(
         NAME,
-        f"tb.rtl.links.{NAME}.bench_{NAME}",
-        units=[NAME],
         generics=generics,
         arguments={"seed": 3, "throttle": throttle, "replies": replies},
         rtl=rtl,
@@ -69,21 +67,27 @@ def test_replies_are_those_of_the_protocol(generics: Mapping[str, object], throt
     assert found.covered["whole"] >= 250
 
 
-FAULTS = [
-    Fault(NAME, "kept_flags(FLAG_ENABLED)   <= enabled;", "null;", "reply_data:"),
-    Fault(NAME, "kept_gates  <= gates;", "kept_gates  <= not gates;", "reply_data:"),
-    Fault(NAME, "SIZE_REPLY_WRITE) & address_of);", "SIZE_REPLY_WRITE) & address_of & fixed(0));",
-          "reply_(valid|last):"),
-    Fault(NAME, "index <= link & second_half", "index <= second_half & link", "index:"),
-    Fault(NAME, "and to_std_logic(r.place(1 downto 0) = \"01\")",
-          "and to_std_logic(r.place(2 downto 0) = \"001\")", "(look|reply_valid):"),
-    Fault(NAME, "v := STATE_INIT;", "v := STATE_INIT; v.ready := r.fresh;",
-          "(reply_valid|next_(number|address)):"),
-    Fault(NAME, "next_address <= r.ready and", "next_address <=", "next_address"),
-    Fault(NAME, "          kept_flags <= (others => '0');\n", "          null;\n", "reply_data:"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_seen = seen(
+    NAME,
+    bench,
+    ("kept_flags(FLAG_ENABLED)   <= enabled;", "null;", "reply_data:"),
+    ("kept_gates  <= gates;", "kept_gates  <= not gates;", "reply_data:"),
+    (
+        "SIZE_REPLY_WRITE) & address_of);",
+        "SIZE_REPLY_WRITE) & address_of & fixed(0));",
+        "reply_(valid|last):",
+    ),
+    ("index <= link & second_half", "index <= second_half & link", "index:"),
+    (
+        'and to_std_logic(r.place(1 downto 0) = "01")',
+        'and to_std_logic(r.place(2 downto 0) = "001")',
+        "(look|reply_valid):",
+    ),
+    (
+        "v := STATE_INIT;",
+        "v := STATE_INIT; v.ready := r.fresh;",
+        "(reply_valid|next_(number|address)):",
+    ),
+    ("next_address <= r.ready and", "next_address <=", "next_address"),
+    ("          kept_flags <= (others => '0');\n", "          null;\n", "reply_data:"),
+)

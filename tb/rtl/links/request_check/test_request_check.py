@@ -22,7 +22,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "request_check"
@@ -39,8 +39,6 @@ def bench(
 ) -> Outcome:
     return run(
         NAME,
-        f"tb.rtl.links.{NAME}.bench_{NAME}",
-        units=[NAME],
         generics={
             "CONTROLLER": controller,
             "STEP_WORDS": STEP_WORDS[controller],
@@ -60,23 +58,19 @@ def test_requests_are_judged_by_the_protocol(controller: int, recorder: bool, pa
     assert found.covered["type and size"] == 330
 
 
-FAULTS = [
-    Fault(NAME, "not (number_now(31) xor link)", "'1'", "outcome:"),
-    Fault(NAME, "behind(NUMBER_BITS - 1) and not", "(not behind(5)) and not", "outcome:"),
-    Fault(NAME, "elsif (data /= x\"00\") then", "elsif (data(7) = '1') then", "outcome:"),
-    Fault(NAME, "MPDCC, 9, 3)", "MPDCC, 8, 3)", "outcome:"),
-    Fault(NAME, "(stepping = '1' or (disables or records) = '0')", "disables = '0'", "outcome:"),
-    Fault(NAME, "noted <= acted and changes;", "noted <= acted;", "last:"),
-    Fault(NAME, "        noted  <= '0';\n", "", "last:"),
-    Fault(NAME, "passed(COUNT_BITS - 1) = '0'", "passed = 0", "outcome:"),
-    Fault(NAME, "counts(1) - count_now;", "counts(0) - count_now;", "outcome:"),
-    Fault(NAME, "noted = '1' and stepping = '1'", "noted = '1'", "outcome:"),
-    Fault(NAME, "        counts <= (others => (others => '0'));\n", "", "outcome:"),
-    Fault(NAME, "size(5 downto 0) + (HEADER_SIZE - 1)", "size(4 downto 0) + (HEADER_SIZE - 1)",
-          "complete:"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_seen = seen(
+    NAME,
+    bench,
+    ("not (number_now(31) xor link)", "'1'", "outcome:"),
+    ("behind(NUMBER_BITS - 1) and not", "(not behind(5)) and not", "outcome:"),
+    ('elsif (data /= x"00") then', "elsif (data(7) = '1') then", "outcome:"),
+    ("MPDCC, 9, 3)", "MPDCC, 8, 3)", "outcome:"),
+    ("(stepping = '1' or (disables or records) = '0')", "disables = '0'", "outcome:"),
+    ("noted <= acted and changes;", "noted <= acted;", "last:"),
+    ("        noted  <= '0';\n", "", "last:"),
+    ("passed(COUNT_BITS - 1) = '0'", "passed = 0", "outcome:"),
+    ("counts(1) - count_now;", "counts(0) - count_now;", "outcome:"),
+    ("noted = '1' and stepping = '1'", "noted = '1'", "outcome:"),
+    ("        counts <= (others => (others => '0'));\n", "", "outcome:"),
+    ("size(5 downto 0) + (HEADER_SIZE - 1)", "size(4 downto 0) + (HEADER_SIZE - 1)", "complete:"),
+)

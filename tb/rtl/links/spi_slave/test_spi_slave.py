@@ -20,7 +20,7 @@ import pytest
 
 from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, altered, assert_seen, file_of
+from tb.helpers.faults import altered, file_of, seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "spi_slave"
@@ -50,13 +50,7 @@ def uneven(folder: Path) -> Path:
 
 
 def bench(rtl: Path = RTL, transactions: int = 60, *, is_uneven: bool = False) -> Outcome:
-    return run(
-        NAME,
-        f"tb.rtl.links.{NAME}.bench_{NAME}",
-        units=[NAME],
-        arguments={"transactions": transactions, "uneven": is_uneven},
-        rtl=rtl,
-    )
+    return run(NAME, arguments={"transactions": transactions, "uneven": is_uneven}, rtl=rtl)
 
 
 def test_bytes_cross_whole_and_none_is_taken_for_another_slave() -> None:
@@ -76,23 +70,18 @@ def test_they_do_where_the_synchronisers_take_unequal_times(tmp_path: Path) -> N
         bench(rtl, 300, is_uneven=True)
 
 
-FAULTS = [
-    Fault(NAME, "if (count = 0 and cs_n = '0') then", "if (count = 0) then", "foreign"),
-    Fault(
-        NAME, "if (rising = '1') then\n        tx_hold <= x\"00\";", "if (false) then null;", "miso"
-    ),
-    Fault(NAME, "rx_hold   <= shift_in & mosi;", "rx_hold   <= mosi & shift_in;", "received"),
-    Fault(NAME, "shift_out <= tx_hold;", "shift_out <= tx_data;", "miso"),
-    Fault(NAME, "asynchronous(RX) => rx_toggle", "asynchronous(RX) => tx_toggle", "reset"),
-    Fault(NAME, "if (earlier(RX) /= seen(RX)) then", "if (true) then", "stands"),
-    Fault(NAME, 'tx_hold  <= x"00";\n        rx_valid', "rx_valid", "reset"),
-    Fault(NAME, "        rx_valid <= '0';\n", "", "reset"),
-    Fault(NAME, "        rising   <= '0';\n", "", "reset"),
-    Fault(NAME, "        ended    <= '0';\n", "", "reset"),
-    Fault(NAME, "ended    <= rising;", "ended    <= '0';", "ended"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_seen = seen(
+    NAME,
+    bench,
+    ("if (count = 0 and cs_n = '0') then", "if (count = 0) then", "foreign"),
+    ("if (rising = '1') then\n        tx_hold <= x\"00\";", "if (false) then null;", "miso"),
+    ("rx_hold   <= shift_in & mosi;", "rx_hold   <= mosi & shift_in;", "received"),
+    ("shift_out <= tx_hold;", "shift_out <= tx_data;", "miso"),
+    ("asynchronous(RX) => rx_toggle", "asynchronous(RX) => tx_toggle", "reset"),
+    ("if (earlier(RX) /= seen(RX)) then", "if (true) then", "stands"),
+    ('tx_hold  <= x"00";\n        rx_valid', "rx_valid", "reset"),
+    ("        rx_valid <= '0';\n", "", "reset"),
+    ("        rising   <= '0';\n", "", "reset"),
+    ("        ended    <= '0';\n", "", "reset"),
+    ("ended    <= rising;", "ended    <= '0';", "ended"),
+)

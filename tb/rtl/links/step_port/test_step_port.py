@@ -15,21 +15,14 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "step_port"
 
 
 def bench(rtl: Path = RTL, limit: int = 24, clocks: int = 6000) -> Outcome:
-    return run(
-        NAME,
-        f"tb.rtl.links.{NAME}.bench_{NAME}",
-        units=[NAME],
-        generics={"LIMIT": limit},
-        arguments={"clocks": clocks},
-        rtl=rtl,
-    )
+    return run(NAME, generics={"LIMIT": limit}, arguments={"clocks": clocks}, rtl=rtl)
 
 
 @pytest.mark.parametrize("limit", [24, 1])
@@ -37,16 +30,13 @@ def test_a_step_is_answered_or_given_up(limit: int) -> None:
     assert bench(limit=limit).covered["given up"] >= 10
 
 
-FAULTS = [
-    Fault(NAME, "elsif (count = LIMIT - 1) then", "elsif (count = LIMIT) then", "done"),
-    Fault(NAME, "if (fetched = '1') then", "if (true) then", "(done|waiting)"),
-    Fault(NAME, "if (phase = PHASE_WAIT) then", "if (true) then", "(position|flags|length)"),
-    Fault(NAME, "if (phase = PHASE_COUNT) then", "if (phase = PHASE_WAIT) then", "cycles"),
-    Fault(NAME, "if (rst = '1') then", "if (false) then", "(waiting|done|step_start)"),
-    Fault(NAME, "no_answer <= '0';", "null;", "no_answer"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_seen = seen(
+    NAME,
+    bench,
+    ("elsif (count = LIMIT - 1) then", "elsif (count = LIMIT) then", "done"),
+    ("if (fetched = '1') then", "if (true) then", "(done|waiting)"),
+    ("if (phase = PHASE_WAIT) then", "if (true) then", "(position|flags|length)"),
+    ("if (phase = PHASE_COUNT) then", "if (phase = PHASE_WAIT) then", "cycles"),
+    ("if (rst = '1') then", "if (false) then", "(waiting|done|step_start)"),
+    ("no_answer <= '0';", "null;", "no_answer"),
+)

@@ -18,7 +18,7 @@ import pytest
 
 from scripts.hdl.ghdl import BenchError, BuildError
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "uart_transmitter"
@@ -30,8 +30,6 @@ def bench(
 ) -> Outcome:
     return run(
         NAME,
-        f"tb.rtl.links.{NAME}.bench_{NAME}",
-        units=[NAME],
         generics={"CLOCK_HZ": rates[0], "BAUD": rates[1]},
         arguments={"clocks": clocks},
         rtl=rtl,
@@ -51,17 +49,14 @@ def test_rates_that_cannot_be_served_are_refused(rates: tuple[int, int]) -> None
         bench(rates=rates, clocks=4)
 
 
-FAULTS = [
-    Fault(NAME, "elsif (valid = '1') then", "elsif (true) then", "(tx|taken)"),
-    Fault(NAME, "if (left > 1) then", "if (left > 0) then", "(tx|taken)"),
-    Fault(NAME, "shift <= '1' & data & '0';", "shift <= '0' & data & '0';", "tx"),
-    Fault(NAME, ":= (others => '1');", ":= (others => '0');", "tx"),
-    Fault(NAME, "left  <= (others => '0');\n        taken", "taken", "(tx|taken)"),
+test_a_fault_is_seen = seen(
+    NAME,
+    lambda rtl: bench(rtl, (25_000_000, 921_600)),
+    ("elsif (valid = '1') then", "elsif (true) then", "(tx|taken)"),
+    ("if (left > 1) then", "if (left > 0) then", "(tx|taken)"),
+    ("shift <= '1' & data & '0';", "shift <= '0' & data & '0';", "tx"),
+    (":= (others => '1');", ":= (others => '0');", "tx"),
+    ("left  <= (others => '0');\n        taken", "taken", "(tx|taken)"),
     # at this rate rounding goes up
-    Fault("uart_timing", "DIVISOR / 2) / DIVISOR", "0) / DIVISOR", "(tx|taken)"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl, (25_000_000, 921_600)))
+    ("DIVISOR / 2) / DIVISOR", "0) / DIVISOR", "(tx|taken)", "uart_timing"),
+)

@@ -20,7 +20,7 @@ import pytest
 from directmpc.mpdcc.bit_true import common
 from scripts.hdl import recording
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, altered, assert_seen
+from tb.helpers.faults import altered, seen
 from tb.helpers.simulation import Outcome, run
 
 
@@ -29,8 +29,6 @@ def bench(
 ) -> Outcome:
     return run(
         "binary_search",
-        "tb.rtl.mpdcc.binary_search.bench_binary_search",
-        units=["binary_search"],
         generics={"WIDTH": width, "LENGTH_WIDTH": length_width},
         arguments={"seed": width, "searches": searches, "throttle": throttle},
         rtl=rtl,
@@ -72,16 +70,13 @@ def test_the_worked_example_sees_a_fault(tmp_path: Path) -> None:
     assert worked_example(2, rtl) != (0, 5, 4 + 2)
 
 
-FAULTS = [
-    Fault("binary_search", "v.below := '1';", "v.below := '0';", r"below:"),
-    Fault("binary_search", "length <= upper when", "length <= (others => '1') when", r"length:"),
-    Fault("binary_search", "r.busy <= STATE_INIT.busy;", "null;", r"silent after reset:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(17, 6, True, searches=400, rtl=rtl))
+test_a_fault_is_seen = seen(
+    "binary_search",
+    lambda rtl: bench(17, 6, True, searches=400, rtl=rtl),
+    ("v.below := '1';", "v.below := '0';", r"below:"),
+    ("length <= upper when", "length <= (others => '1') when", r"length:"),
+    ("r.busy <= STATE_INIT.busy;", "null;", r"silent after reset:"),
+)
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

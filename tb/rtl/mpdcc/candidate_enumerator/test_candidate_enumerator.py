@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -27,8 +27,6 @@ FLAT = Flat(whole=("candidate",))
 def bench(positions: int = 512, blocks: bool = False, rtl: Path = RTL) -> Outcome:
     return run(
         "candidate_enumerator",
-        "tb.rtl.mpdcc.candidate_enumerator.bench_candidate_enumerator",
-        units=["candidate_enumerator"],
         flat=FLAT,
         generics={"BLOCKS": str(blocks).lower()},
         arguments={
@@ -49,25 +47,19 @@ def test_candidates_and_their_order(blocks: bool) -> None:
     assert found.covered["16 candidates" if blocks else "64 candidates"] >= 40
 
 
-FAULTS = [
-    Fault("candidate_enumerator", "in LAST_PHASE downto 0", "in 0 to LAST_PHASE", r"candidate:"),
-    Fault("candidate_enumerator", "v.candidate.probe  := '0';", "null;", r"candidate is undefined"),
-]
+test_a_fault_is_seen = seen(
+    "candidate_enumerator",
+    lambda rtl: bench(positions=64, rtl=rtl),
+    ("in LAST_PHASE downto 0", "in 0 to LAST_PHASE", r"candidate:"),
+    ("v.candidate.probe  := '0';", "null;", r"candidate is undefined"),
+)
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(positions=64, rtl=rtl))
-
-
-BLOCK_FAULTS = [
-    Fault("candidate_enumerator", "choose(BLOCKS, 1, 2)", "choose(BLOCKS, 2, 2)", r"candidate:"),
-]
-
-
-@pytest.mark.parametrize("fault", BLOCK_FAULTS, ids=str)
-def test_a_fault_is_seen_block(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(positions=64, blocks=True, rtl=rtl))
+test_a_fault_is_seen_block = seen(
+    "candidate_enumerator",
+    lambda rtl: bench(positions=64, blocks=True, rtl=rtl),
+    ("choose(BLOCKS, 1, 2)", "choose(BLOCKS, 2, 2)", r"candidate:"),
+)
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -35,8 +35,6 @@ def bench(
 ) -> Outcome:
     return run(
         "capacitor_search",
-        "tb.rtl.mpdcc.capacitor_search.bench_capacitor_search",
-        units=["capacitor_search"],
         flat=FLAT,
         generics={"INWARDS": str(inwards).lower(), "SECOND_LEVEL": str(successors).lower()},
         arguments={
@@ -61,43 +59,32 @@ def test_rows_of_successors(inwards: bool) -> None:
     assert bench(inwards=inwards, successors=True).checks["row"] >= 6000
 
 
-FAULTS = [
-    Fault("capacitor_search", "if (less >= 0)", "if (less > 0)", r"row:"),
-    Fault("capacitor_search", "excess_2 > 0", "excess_2 >= 0", r"held:"),
-    Fault("capacitor_search", "and moves and", "and", r"row:"),
-    Fault("capacitor_search", "carry(0) := falls xor more_1;", "carry(0) := falls;", r"row:"),
-    Fault("capacitor_search", "(slope_1 & more_1)", "(slope_1 & '0')", r"row:"),
-    Fault(
-        "capacitor_search",
+test_a_fault_is_seen = seen(
+    "capacitor_search",
+    lambda rtl: bench(120, rtl=rtl),
+    ("if (less >= 0)", "if (less > 0)", r"row:"),
+    ("excess_2 > 0", "excess_2 >= 0", r"held:"),
+    ("and moves and", "and", r"row:"),
+    ("carry(0) := falls xor more_1;", "carry(0) := falls;", r"row:"),
+    ("(slope_1 & more_1)", "(slope_1 & '0')", r"row:"),
+    (
         "not ahead(TRAJECTORY_WIDTH) and (not behind(TRAJECTORY_WIDTH) or follows)",
         "not behind(TRAJECTORY_WIDTH) and (not ahead(TRAJECTORY_WIDTH) or follows)",
         r"row:",
     ),
-    Fault("capacitor_search", "and not overflows(error_1, BASE_WIDTH)", "", r"row:"),
-    Fault("capacitor_search", "and limits.outside_inwards and", "and", r"row:"),
-    Fault("capacitor_search", "choose(INWARDS, 1, 0)", "0", r"row:"),
-]
+    ("and not overflows(error_1, BASE_WIDTH)", "", r"row:"),
+    ("and limits.outside_inwards and", "and", r"row:"),
+    ("choose(INWARDS, 1, 0)", "0", r"row:"),
+)
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(120, rtl=rtl))
-
-
-OF_SUCCESSORS = [
-    Fault(
-        "capacitor_search", "elsif (line >= DISCHARGED and", "elsif (line > DISCHARGED and", "row"
-    ),
-    Fault(
-        "capacitor_search", "is_inside(i) <= is_inside(i - 1);", "is_inside(i) <= '0';", "inside"
-    ),
-    Fault("capacitor_search", "bank_row <= bank_now &", "bank_row <= '0' &", r"bank:"),
-]
-
-
-@pytest.mark.parametrize("fault", OF_SUCCESSORS, ids=str)
-def test_a_fault_of_successors_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(120, rtl=rtl, successors=True))
+test_a_fault_of_successors_is_seen = seen(
+    "capacitor_search",
+    lambda rtl: bench(120, rtl=rtl, successors=True),
+    ("elsif (line >= DISCHARGED and", "elsif (line > DISCHARGED and", "row"),
+    ("is_inside(i) <= is_inside(i - 1);", "is_inside(i) <= '0';", "inside"),
+    ("bank_row <= bank_now &", "bank_row <= '0' &", r"bank:"),
+)
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import VARIANTS, Outcome, run
 
@@ -32,8 +32,6 @@ FLAT = Flat(
 def bench(variant: str, nodes: int = 600, rtl: Path = RTL) -> Outcome:
     return run(
         "common_terms",
-        "tb.rtl.mpdcc.common_terms.bench_common_terms",
-        units=["common_terms"],
         flat=FLAT,
         generics=VARIANTS[variant],
         arguments={"seed": 3, "nodes": nodes, "variant": variant},
@@ -49,15 +47,12 @@ def test_nodes_follow_the_equations(variant: str) -> None:
     assert found.covered["in range"] >= 50
 
 
-FAULTS = [
-    Fault("common_terms", "- 1) <= '1';", "- 1) <= '0';", r"capacitor terms:"),
-    Fault("common_terms", "overflow <= '1';", "overflow <= '0';", r"saturated:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench("fast", nodes=120, rtl=rtl))
+test_a_fault_is_seen = seen(
+    "common_terms",
+    lambda rtl: bench("fast", nodes=120, rtl=rtl),
+    ("- 1) <= '1';", "- 1) <= '0';", r"capacitor terms:"),
+    ("overflow <= '1';", "overflow <= '0';", r"saturated:"),
+)
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

@@ -14,10 +14,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -33,7 +31,6 @@ def bench(nodes: int = 120, rtl: Path = RTL) -> Outcome:
     return run(
         "common_terms",
         "tb.rtl.mpdcc.common_terms.bench_successors",
-        units=["common_terms"],
         flat=FLAT,
         arguments={"seed": 5, "nodes": nodes},
         rtl=rtl,
@@ -44,17 +41,14 @@ def test_a_successor_is_shown_when_it_is_due() -> None:
     assert bench().checks["shown"] >= 700
 
 
-FAULTS = [
-    Fault("common_terms", "or begins_ahead = '1'", "", r"overflowed:"),
-    Fault("common_terms", "if (last = '1' or successor.show_slope = '1')", "if (true)", "what"),
-    Fault("common_terms", "(x = 2 and show_third = '1')", "(x = 2 and show_third = '0')", "what"),
-    Fault("common_terms", "        ended <= '0';\n", "", r"silent after reset:"),
-    Fault("common_terms", 'x"4000" &', 'x"4001" &', r"forced by the link:"),
-    Fault("common_terms", 'x"0080";', 'x"0081";', r"errors at rest:"),
-    Fault("common_terms", "<= successor.slope(1);", "<= successor.slope(0);", r"natural slope:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
+test_a_fault_is_seen = seen(
+    "common_terms",
+    bench,
+    ("or begins_ahead = '1'", "", r"overflowed:"),
+    ("if (last = '1' or successor.show_slope = '1')", "if (true)", "what"),
+    ("(x = 2 and show_third = '1')", "(x = 2 and show_third = '0')", "what"),
+    ("        ended <= '0';\n", "", r"silent after reset:"),
+    ('x"4000" &', 'x"4001" &', r"forced by the link:"),
+    ('x"0080";', 'x"0081";', r"errors at rest:"),
+    ("<= successor.slope(1);", "<= successor.slope(0);", r"natural slope:"),
+)

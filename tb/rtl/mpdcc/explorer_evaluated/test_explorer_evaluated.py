@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -32,7 +32,6 @@ def bench(nodes: int = 60, throttle: float = 0.0, rtl: Path = RTL) -> Outcome:
     return run(
         "explorer_fast",
         "tb.rtl.mpdcc.explorer_evaluated.bench_explorer_evaluated",
-        units=["explorer_fast"],
         flat=FLAT,
         arguments={"seed": 4, "nodes": nodes, "throttle": throttle},
         rtl=rtl,
@@ -47,23 +46,17 @@ def test_every_candidate_is_shown(throttle: float) -> None:
         assert found.covered.get(f"reset {k} clocks behind a probe", 0) >= 1, k
 
 
-FAULTS = [
-    Fault(
-        "explorer_fast",
+test_a_fault_is_seen = seen(
+    "explorer_fast",
+    bench,
+    (
         "if (overflows(slopes.slope(x), BASE_WIDTH) = '1') then",
         "if (overflows(slopes.slope(x), BASE_WIDTH + 1) = '1') then",
         r"unfit:",
     ),
-    Fault("explorer_fast", "probe(0)    <= '0';", "null;", r"probe answered:"),
-    Fault("explorer_fast", "& std_logic_vector(choice);", "& not std_logic_vector(choice);",
-          r"place of the slopes:"),
-    Fault("explorer_fast", "<= unsigned(index_last);", "<= unsigned(index_dead);", r"place:"),
-    Fault("explorer_fast", "resize(leaf.effort, EFFORT_BITS)", "resize(leaf.effort(3 downto 0), "
-          "EFFORT_BITS)", r"cost:"),
-    Fault("candidate_cost", "rate'length), 2)", "rate'length), 1)", r"cost:"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
+    ("probe(0)    <= '0';", "null;", r"probe answered:"),
+    ("& std_logic_vector(choice);", "& not std_logic_vector(choice);", r"place of the slopes:"),
+    ("<= unsigned(index_last);", "<= unsigned(index_dead);", r"place:"),
+    ("resize(leaf.effort, EFFORT_BITS)", "resize(leaf.effort(3 downto 0), EFFORT_BITS)", r"cost:"),
+    ("rate'length), 2)", "rate'length), 1)", r"cost:", "candidate_cost"),
+)

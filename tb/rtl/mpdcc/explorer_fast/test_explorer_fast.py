@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import VARIANTS, Outcome, run
 
@@ -39,7 +39,6 @@ def bench(
     return run(
         "mpdcc_explorer",
         "tb.rtl.mpdcc.explorer_fast.bench_explorer_fast",
-        units=["mpdcc_explorer"],
         flat=FLAT,
         generics=VARIANTS["fast"]
         | {"WEIGHTED_DEADLOCK": str(weighted).lower(), "INWARDS": str(inwards).lower()},
@@ -83,76 +82,47 @@ def test_what_starts_outside_is_followed_inwards(throttle: bool) -> None:
 
 #: Whatever the bench compares of a result; which of it comes first depends on the fault.
 ANY = r"(index|length|cost|excess|feasible|saturated|probe held):"
-FAULTS = [
-    Fault("length_search", "and not (exceeds and turned and to_std_logic(m > 0))", "", r"length:"),
-    Fault("step_one", "largest_5 <= sum;", "largest_5 <= error(0);", r"index:"),
-    Fault(
-        "best_of",
-        "is_below(contender, best.rank)",
-        "not is_below(best.rank, contender)",
-        r"index:",
-    ),
-    Fault("step_one", "(excess_7 > 0) or outside(PROBE_STAGE)", "(excess_7 > 0)", r"feasible:"),
-    Fault("step_one", "shorter(at_rest(length_of(entry(2)),", "shorter(at_rest(neutral_far,", ANY),
-    Fault("best_of", "any and settled and last", "any and last", r"result in time:"),
-    Fault("candidate_slopes", "wide + difference_2(1 - x)", "wide - difference_2(1 - x)", ANY),
-    Fault(
-        "candidate_cost",
+
+
+test_a_fault_is_seen = seen(
+    "step_one",
+    lambda rtl: bench(200, rtl=rtl),
+    ("and not (exceeds and turned and to_std_logic(m > 0))", "", r"length:", "length_search"),
+    ("largest_5 <= sum;", "largest_5 <= error(0);", r"index:"),
+    ("is_below(contender, best.rank)", "not is_below(best.rank, contender)", r"index:", "best_of"),
+    ("(excess_7 > 0) or outside(PROBE_STAGE)", "(excess_7 > 0)", r"feasible:"),
+    ("shorter(at_rest(length_of(entry(2)),", "shorter(at_rest(neutral_far,", ANY),
+    ("any and settled and last", "any and last", r"result in time:", "best_of"),
+    ("wide + difference_2(1 - x)", "wide - difference_2(1 - x)", ANY, "candidate_slopes"),
+    (
         "unsigned(rate_high), rate'length), 2)",
         "unsigned(rate_high), rate'length), 1)",
         ANY,
+        "candidate_cost",
     ),
-    Fault("explorer_fast", "CLOCKS => SHORTEST - SEARCH", "CLOCKS => SHORTEST - SEARCH - 1", ANY),
-]
+    ("CLOCKS => SHORTEST - SEARCH", "CLOCKS => SHORTEST - SEARCH - 1", ANY, "explorer_fast"),
+)
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(200, rtl=rtl))
+test_a_fault_is_seen_weighted = seen(
+    "step_one",
+    lambda rtl: bench(60, rtl=rtl, weighted=True),
+    ("shift_left(weighed, DEADLOCK_NEUTRAL_SHIFT)", "shift_left(weighed, 2)", r"(index|excess):"),
+    ("gated(current_worst, limits.deadlock_rule)", "current_worst", r"(index|excess):"),
+)
 
 
-WEIGHTED_FAULTS = [
-    Fault(
-        "step_one",
-        "shift_left(weighed, DEADLOCK_NEUTRAL_SHIFT)",
-        "shift_left(weighed, 2)",
-        r"(index|excess):",
-    ),
-    Fault(
-        "step_one",
-        "gated(current_worst, limits.deadlock_rule)",
-        "current_worst",
-        r"(index|excess):",
-    ),
-]
-
-
-@pytest.mark.parametrize("fault", WEIGHTED_FAULTS, ids=str)
-def test_a_fault_is_seen_weighted(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(60, rtl=rtl, weighted=True))
-
-
-INWARD_FAULTS = [
-    Fault("inward_step", "beyond(third, band.limit(2))", "'0'", ANY),
-    Fault("inward_step", "or beyond(slopes.error(1), band.limit(1))", "", ANY),
-    Fault("inward_step", "or band.outside(2)", "", ANY),
-    Fault(
-        "length_search", "if (INWARDS and away = '1') then", "if (false) then", r"length:|index:"
-    ),
-    Fault(
-        "length_search",
-        "or (outside and fits and not turned)",
-        "or (outside and fits)",
-        r"length:|index:",
-    ),
-    Fault("length_search", "reduced.outside := not is_inside", "reduced.outside := outside", ANY),
-    Fault("length_search", "rise := triple(x);", "rise := curve;", ANY),
-]
-
-
-@pytest.mark.parametrize("fault", INWARD_FAULTS, ids=str)
-def test_a_fault_is_seen_inwards(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(300, rtl=rtl, weighted=True, inwards=True))
+test_a_fault_is_seen_inwards = seen(
+    "length_search",
+    lambda rtl: bench(300, rtl=rtl, weighted=True, inwards=True),
+    ("beyond(third, band.limit(2))", "'0'", ANY, "inward_step"),
+    ("or beyond(slopes.error(1), band.limit(1))", "", ANY, "inward_step"),
+    ("or band.outside(2)", "", ANY, "inward_step"),
+    ("if (INWARDS and away = '1') then", "if (false) then", r"length:|index:"),
+    ("or (outside and fits and not turned)", "or (outside and fits)", r"length:|index:"),
+    ("reduced.outside := not is_inside", "reduced.outside := outside", ANY),
+    ("rise := triple(x);", "rise := curve;", ANY),
+)
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

@@ -13,10 +13,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import VARIANTS, Outcome, run
 
@@ -27,7 +25,6 @@ def bench(nodes: int = 60, rtl: Path = RTL) -> Outcome:
     return run(
         "mpdcc_explorer",
         "tb.rtl.mpdcc.explorer_paper.bench_explorer_paper",
-        units=["mpdcc_explorer"],
         flat=FLAT,
         generics=VARIANTS["paper"],
         arguments={"seed": 3, "nodes": nodes},
@@ -39,22 +36,17 @@ def test_a_candidate_that_waits_is_handed_over_at_once() -> None:
     assert bench().checks["index"] >= 200
 
 
-FAULTS = [
-    Fault(
-        "explorer_paper",
+test_a_fault_is_seen = seen(
+    "explorer_paper",
+    bench,
+    (
         "back.count = 0 or (back.count = 9 and result_ready = '1')",
         "back.count = 0",
         r"(result in its clock|free):",
     ),
-    Fault(
-        "explorer_paper",
+    (
         "back.count = 0 or (back.count = 9 and result_ready = '1')",
         "back.count = 0 or back.count = 9",
         r"(index|feasible|length|waits):",
     ),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
+)

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 FILES = [Path(__file__).with_name("inward_step_flat.vhd")]
@@ -38,12 +38,9 @@ def test_candidates_leave_by_definition(throttle: float) -> None:
     assert bench(throttle=throttle).checks["leaves"] >= 1200
 
 
-FAULTS = [
-    Fault("inward_step", "or band.outside(2) or", "or", r"leaves:"),
-    Fault("inward_step", "or beyond(third, band.limit(2))", "", r"leaves:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
+test_a_fault_is_seen = seen(
+    "inward_step",
+    bench,
+    ("or band.outside(2) or", "or", r"leaves:"),
+    ("or beyond(third, band.limit(2))", "", r"leaves:"),
+)

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -26,8 +26,6 @@ FLAT = Flat(whole=("leaf",), bare=("visit",))
 def bench(explorers: int, nodes: int = 60, throttle: float = 0.0, rtl: Path = RTL) -> Outcome:
     return run(
         "leaf_dispatcher",
-        "tb.rtl.mpdcc.leaf_dispatcher.bench_leaf_dispatcher",
-        units=["leaf_dispatcher"],
         flat=FLAT,
         generics={"EXPLORERS": explorers},
         arguments={"seed": 3, "nodes": nodes, "throttle": throttle},
@@ -44,13 +42,10 @@ def test_leaves_come_in_order_after_a_while() -> None:
     assert bench(2, throttle=0.8).checks["leaf"] >= 1000
 
 
-FAULTS = [
-    Fault("leaf_dispatcher", "left < LAST_BLOCKS", "left <= LAST_BLOCKS", r"ending:"),
-    Fault("leaf_dispatcher", "effort_so_far <= visit.effort;", "null;", r"leaf:"),
-    Fault("leaf_dispatcher", "fresh <= '0';\n\n", "", r"launch:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(2, rtl=rtl))
+test_a_fault_is_seen = seen(
+    "leaf_dispatcher",
+    lambda rtl: bench(2, rtl=rtl),
+    ("left < LAST_BLOCKS", "left <= LAST_BLOCKS", r"ending:"),
+    ("effort_so_far <= visit.effort;", "null;", r"leaf:"),
+    ("fresh <= '0';\n\n", "", r"launch:"),
+)

@@ -28,7 +28,7 @@ from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import states
 from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.rtl.mpdcc.mpdcc_core import second_level_rows
 
 
@@ -160,48 +160,34 @@ RESET_CHECKS = (
     r"|valid in the middle of a decision|idle before the reset"
     r"|more than one valid|\S+: .* differ at|\S+: a decision that came with the reset"
 )
-FAST_FAULTS = [
-    Fault("decision_register", "valid <= '0';", "null;  -- valid", RESET_CHECKS),
-    Fault(
-        "explorer_fast",
+
+
+test_a_fault_is_seen_fast = seen(
+    "decision_register",
+    lambda rtl: few_resets("fast", 3, rtl),
+    ("valid <= '0';", "null;  -- valid", RESET_CHECKS),
+    (
         "valid(1 to COST_STAGE)  <= (others => '0');",
         "null;  -- pipeline",
         RESET_CHECKS,
+        "explorer_fast",
     ),
-]
+)
 
 
-@pytest.mark.parametrize("fault", FAST_FAULTS, ids=str)
-def test_a_fault_is_seen_fast(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: few_resets("fast", 3, rtl))
+test_a_fault_is_seen_second_level = seen(
+    "second_level",
+    lambda rtl: few_resets("fast", 2, rtl, two=True),
+    ("r.pending      <= STATE_INIT.pending;", "null;  -- pending", RESET_CHECKS),
+    ("r.may_hand_out <= STATE_INIT.may_hand_out;", "null;  -- may_hand_out", RESET_CHECKS),
+)
 
 
-SECOND_LEVEL_FAULTS = [
-    Fault(
-        "second_level", "r.pending      <= STATE_INIT.pending;", "null;  -- pending", RESET_CHECKS
-    ),
-    Fault(
-        "second_level",
-        "r.may_hand_out <= STATE_INIT.may_hand_out;",
-        "null;  -- may_hand_out",
-        RESET_CHECKS,
-    ),
-]
-
-
-@pytest.mark.parametrize("fault", SECOND_LEVEL_FAULTS, ids=str)
-def test_a_fault_is_seen_second_level(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: few_resets("fast", 2, rtl, two=True))
-
-
-PAPER_FAULTS = [
-    Fault("explorer_paper", "back.count  <= 0;", "null;  -- result", RESET_CHECKS),
-]
-
-
-@pytest.mark.parametrize("fault", PAPER_FAULTS, ids=str)
-def test_a_fault_is_seen_paper(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: few_resets("paper", 2, rtl))
+test_a_fault_is_seen_paper = seen(
+    "explorer_paper",
+    lambda rtl: few_resets("paper", 2, rtl),
+    ("back.count  <= 0;", "null;  -- result", RESET_CHECKS),
+)
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

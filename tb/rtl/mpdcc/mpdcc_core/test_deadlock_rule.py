@@ -26,7 +26,7 @@ from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import states
 from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.rtl.mpdcc.mpdcc_core import second_level_rows
 from tb.rtl.mpdcc.mpdcc_core.deadlock_rows import RULE, with_rule
 
@@ -110,20 +110,12 @@ def test_the_rtl_in_closed_loop_is_the_model_in_closed_loop(horizon: str) -> Non
     assert expected.decisions.deadlock.sum() >= (5 if horizon == "SE" else 1)
 
 
-FAULTS = [
-    Fault(
-        "explorer_fast",
-        "index     => index_dead,",
-        "index     => index_last,",
-        r"decisions differ",
-    ),
-    Fault("mpdcc_core", "<= deadlock_rule;", "<= '0';", r"decisions differ"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(2, 0, (0,), 0, 10, rtl))
+test_a_fault_is_seen = seen(
+    "explorer_fast",
+    lambda rtl: bench(2, 0, (0,), 0, 10, rtl),
+    ("index     => index_dead,", "index     => index_last,", r"decisions differ"),
+    ("<= deadlock_rule;", "<= '0';", r"decisions differ", "mpdcc_core"),
+)
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

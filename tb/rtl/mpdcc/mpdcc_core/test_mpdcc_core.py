@@ -34,7 +34,7 @@ from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
 from scripts.measure import budgets
 from scripts.shared import paper_a
-from tb.helpers.faults import Fault, altered, assert_seen
+from tb.helpers.faults import altered, seen
 from tb.helpers.simulation import VARIANTS
 
 #: Cycles in the worst case, Paper A, Table IV, by number of explorers.
@@ -166,36 +166,29 @@ def few_decisions(variant: str, rtl: Path) -> None:
         raise CheckError("decisions differ")
 
 
-PAPER_FAULTS = [
-    Fault(
-        "decision_register",
+test_a_fault_is_seen_paper = seen(
+    "decision_register",
+    lambda rtl: few_decisions("paper", rtl),
+    (
         "result.length    := best.length;",
         "result.length    := (others => '0');",
         r"decisions differ",
     ),
-    Fault("mpdcc_core", "unsigned(v_ph_b)", "unsigned(v_ph_c)", r"decisions differ"),
-    Fault(
-        "explorer_paper",
+    ("unsigned(v_ph_b)", "unsigned(v_ph_c)", r"decisions differ", "mpdcc_core"),
+    (
         "candidate_ready <= not front.busy;",
         "candidate_ready <= '0';",
         r"a decision takes more than \d+ clocks",
+        "explorer_paper",
     ),
-]
+)
 
 
-@pytest.mark.parametrize("fault", PAPER_FAULTS, ids=str)
-def test_a_fault_is_seen_paper(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: few_decisions("paper", rtl))
-
-
-FAST_FAULTS = [
-    Fault("mpdcc_core", "unsigned(v_ph_b)", "unsigned(v_ph_c)", r"decisions differ"),
-]
-
-
-@pytest.mark.parametrize("fault", FAST_FAULTS, ids=str)
-def test_a_fault_is_seen_fast(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: few_decisions("fast", rtl))
+test_a_fault_is_seen_fast = seen(
+    "mpdcc_core",
+    lambda rtl: few_decisions("fast", rtl),
+    ("unsigned(v_ph_b)", "unsigned(v_ph_c)", r"decisions differ"),
+)
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

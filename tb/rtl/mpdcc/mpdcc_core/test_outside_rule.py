@@ -27,7 +27,7 @@ from scripts.hdl import mpdcc_rows as core
 from scripts.hdl import states
 from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.rtl.mpdcc.mpdcc_core import second_level_rows
 
 RULE = INDEX["outside_inwards"]
@@ -134,34 +134,25 @@ def test_the_rtl_in_closed_loop_is_the_model_in_closed_loop(horizon: str) -> Non
     core.in_closed_loop(drive, array, "fast", expected)
 
 
-FAULTS = [
-    Fault(
-        "mpdcc_scheduler",
-        "far <= beyond and limits.outside_inwards;",
-        "far <= '0';",
-        r"decisions differ",
-    ),
-    Fault("mpdcc_core", "<= outside_inwards;", "<= '0';", r"decisions differ"),
-    Fault(
-        "node_preparation",
+test_a_fault_is_seen = seen(
+    "mpdcc_scheduler",
+    lambda rtl: bench(2, 0, (0,), 0, 6, rtl),
+    ("far <= beyond and limits.outside_inwards;", "far <= '0';", r"decisions differ"),
+    ("<= outside_inwards;", "<= '0';", r"decisions differ", "mpdcc_core"),
+    (
         "nearer := not node.error(x);",
         "nearer := node.error(x);",
         r"decisions differ",
+        "node_preparation",
     ),
-]
-SECOND_LEVEL_FAULTS = [
-    Fault("step_one", "capacitor.row = 4 * x + 1", "capacitor.row = 4 * x", r"decisions differ"),
-]
+)
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(2, 0, (0,), 0, 6, rtl))
-
-
-@pytest.mark.parametrize("fault", SECOND_LEVEL_FAULTS, ids=str)
-def test_a_fault_is_seen_at_the_second_level(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(2, 1, (0,), 0, 8, rtl, first=24))
+test_a_fault_is_seen_at_the_second_level = seen(
+    "step_one",
+    lambda rtl: bench(2, 1, (0,), 0, 8, rtl, first=24),
+    ("capacitor.row = 4 * x + 1", "capacitor.row = 4 * x", r"decisions differ"),
+)
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

@@ -26,7 +26,7 @@ from scripts.hdl import mpdcc_rows as core
 from scripts.hdl.clocks import worst_cycles
 from scripts.hdl.ghdl import CheckError
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, altered, assert_seen
+from tb.helpers.faults import altered, seen
 from tb.rtl.mpdcc.mpdcc_core.second_level_rows import (
     expected,
     longest,
@@ -184,49 +184,38 @@ def test_a_result_is_adopted_while_none_is_compared(seen: bool, tmp_path: Path) 
         few_searches(watched)
 
 
-FAULTS = [
-    Fault(
-        "node_base",
-        "natural_slope(x) + shift_left(",
-        "natural_slope(x) + shift_right(",
-        r"decisions differ",
-    ),
-    Fault("node_base", "0) + between;", "0) - between;", r"decisions differ"),
-    Fault(
-        "node_queue",
+test_a_fault_is_seen = seen(
+    "node_base",
+    few_searches,
+    ("natural_slope(x) + shift_left(", "natural_slope(x) + shift_right(", r"decisions differ"),
+    ("0) + between;", "0) - between;", r"decisions differ"),
+    (
         "link(INDEX_WIDTH - 1 downto 0));",
         "link(6 downto 1));",
         r"a decision takes more than \d+ clocks",
+        "node_queue",
     ),
-    Fault(
-        "mpdcc_timing",
+    (
         "ERROR_READ  : natural := ERROR_STAGE - 1",
         "ERROR_READ  : natural := ERROR_STAGE + 1",
         r"decisions differ",
+        "mpdcc_timing",
     ),
-    Fault(
-        "leaf_dispatcher",
+    (
         "<= both + transition_weight(from(2), sign(2), c)",
         "<= both",
         r"decisions differ",
+        "leaf_dispatcher",
     ),
-    Fault("second_level", "not r.bank;", "r.bank;", r"decisions differ"),
-]
+    ("not r.bank;", "r.bank;", r"decisions differ", "second_level"),
+)
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: few_searches(rtl))
-
-
-PREDICTION_FAULTS = [
-    Fault("node_base", "unfit <= found;", "unfit <= '0';", r"decisions differ"),
-]
-
-
-@pytest.mark.parametrize("fault", PREDICTION_FAULTS, ids=str)
-def test_a_fault_is_seen_prediction(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: few_predictions(rtl))
+test_a_fault_is_seen_prediction = seen(
+    "node_base",
+    few_predictions,
+    ("unfit <= found;", "unfit <= '0';", r"decisions differ"),
+)
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import VARIANTS, Outcome, run
 from tb.rtl.mpdcc.mpdcc_explorer.bench_mpdcc_explorer import INTERVAL, INTERVAL_DEAD, LATENCY, PROBE
@@ -30,8 +30,6 @@ FLAT = Flat(whole=("limits",), bare=("broadcast", "assignment", "answer"))
 def bench(variant: str, nodes: int = 150, seed: int = 7, rtl: Path = RTL) -> Outcome:
     return run(
         "mpdcc_explorer",
-        "tb.rtl.mpdcc.mpdcc_explorer.bench_mpdcc_explorer",
-        units=["mpdcc_explorer"],
         flat=FLAT,
         generics=VARIANTS[variant],
         arguments={"variant": variant, "seed": seed, "nodes": nodes},
@@ -59,17 +57,14 @@ def test_results_follow_the_trajectories(variant: str) -> None:
     assert found.measured["probe"] == PROBE[variant]
 
 
-FAULTS = [
-    Fault("explorer_paper", " + 2 ** (FORCED_FRACTION - 1)", "", r"excess:"),
-    Fault("explorer_paper", "if (excess_5 > 0) then", "if (excess_5 >= 0) then", r"held:"),
-    Fault("explorer_paper", 'front.settle = "11"', 'front.settle = "00"', r"length:"),
-    Fault("explorer_paper", "effort - 1);", "shift_left(effort, 1));", r"only losers are dropped:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench("paper", nodes=40, rtl=rtl))
+test_a_fault_is_seen = seen(
+    "explorer_paper",
+    lambda rtl: bench("paper", nodes=40, rtl=rtl),
+    (" + 2 ** (FORCED_FRACTION - 1)", "", r"excess:"),
+    ("if (excess_5 > 0) then", "if (excess_5 >= 0) then", r"held:"),
+    ('front.settle = "11"', 'front.settle = "00"', r"length:"),
+    ("effort - 1);", "shift_left(effort, 1));", r"only losers are dropped:"),
+)
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

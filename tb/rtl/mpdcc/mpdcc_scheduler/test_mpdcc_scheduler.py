@@ -20,7 +20,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import VARIANTS, Outcome, run
 
@@ -32,8 +32,6 @@ def bench(
 ) -> Outcome:
     return run(
         "mpdcc_scheduler",
-        "tb.rtl.mpdcc.mpdcc_scheduler.bench_mpdcc_scheduler",
-        units=["mpdcc_scheduler"],
         flat=FLAT,
         generics={
             "EXPLORERS": explorers,
@@ -76,60 +74,50 @@ def test_the_band_is_that_of_the_rule_inwards(explorers: int) -> None:
         assert found.covered.get(event, 0) >= least, event
 
 
-PAPER_FAULTS = [
-    Fault(
-        "mpdcc_math",
+test_a_fault_is_seen_paper = seen(
+    "mpdcc_math",
+    lambda rtl: bench(3, "paper", decisions=40, rtl=rtl),
+    (
         "(not b.feasible & b.rank & b.index & b.saturated)",
         "(not b.feasible & b.rank & a.index & a.saturated)",
         r"decision:",
     ),
-    Fault(
-        "mpdcc_scheduler",
+    (
         "searched <= r.started and explorers_idle",
         "searched <= r.started",
         r"clocks after the last result:",
-    ),
-]
-
-
-@pytest.mark.parametrize("fault", PAPER_FAULTS, ids=str)
-def test_a_fault_is_seen_paper(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(3, "paper", decisions=40, rtl=rtl))
-
-
-FAST_FAULTS = [
-    Fault("node_preparation", "xor falling", "or falling", r"band turn:"),
-    Fault(
         "mpdcc_scheduler",
+    ),
+)
+
+
+test_a_fault_is_seen_fast = seen(
+    "node_preparation",
+    lambda rtl: bench(3, "fast", decisions=40, rtl=rtl),
+    ("xor falling", "or falling", r"band turn:"),
+    (
         "not predict and answers(0).probe_held\n             and lines_held",
         "not predict and answers(0).probe_held",
         r"every candidate was given out:",
+        "mpdcc_scheduler",
     ),
-]
+)
 
 
-@pytest.mark.parametrize("fault", FAST_FAULTS, ids=str)
-def test_a_fault_is_seen_fast(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(3, "fast", decisions=40, rtl=rtl))
-
-
-INWARD_FAULTS = [
-    Fault("mpdcc_scheduler", "INWARDS      => INWARDS", "INWARDS      => false", r"band|table"),
-    Fault(
-        "node_preparation",
+test_a_fault_is_seen_inwards = seen(
+    "mpdcc_scheduler",
+    lambda rtl: bench(3, "fast", decisions=72, rtl=rtl, inwards=True),
+    ("INWARDS      => INWARDS", "INWARDS      => false", r"band|table"),
+    (
         "nearer := node.error(x) - 1;",
         "nearer := node.error(x);",
         r"band limit:",
+        "node_preparation",
     ),
-    Fault("mpdcc_scheduler", "(far and not hold)", "far", r"decision:"),
-    Fault("turn_threshold", "choose(INWARDS, 1, 2)", "2", r"band turn:"),
-    Fault("node_preparation", "and not overflows(node.error(x), BASE_WIDTH)", "", r"band outside:"),
-]
-
-
-@pytest.mark.parametrize("fault", INWARD_FAULTS, ids=str)
-def test_a_fault_is_seen_inwards(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(3, "fast", decisions=72, rtl=rtl, inwards=True))
+    ("(far and not hold)", "far", r"decision:"),
+    ("choose(INWARDS, 1, 2)", "2", r"band turn:", "turn_threshold"),
+    ("and not overflows(node.error(x), BASE_WIDTH)", "", r"band outside:", "node_preparation"),
+)
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -24,12 +24,7 @@ FLAT = Flat()
 
 def bench(clocks: int = 1500, keeps: float = 0.3, rtl: Path = RTL) -> Outcome:
     return run(
-        "node_base",
-        "tb.rtl.mpdcc.node_base.bench_node_base",
-        units=["node_base"],
-        flat=FLAT,
-        arguments={"seed": 3, "clocks": clocks, "keeps": keeps},
-        rtl=rtl,
+        "node_base", flat=FLAT, arguments={"seed": 3, "clocks": clocks, "keeps": keeps}, rtl=rtl
     )
 
 
@@ -38,13 +33,10 @@ def test_operands_are_of_their_node(keeps: float) -> None:
     assert bench(keeps=keeps).checks["operands"] >= 1400
 
 
-FAULTS = [
-    Fault("node_base", "WIDTH) + shift_right(slope", "WIDTH) - shift_right(slope", "operands:"),
-    Fault("node_base", "lowered xor to_std_logic(x = 2)", "lowered", "lengths:"),
-    Fault("node_base", "found    := found or", "found    :=", "unfit:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
+test_a_fault_is_seen = seen(
+    "node_base",
+    bench,
+    ("WIDTH) + shift_right(slope", "WIDTH) - shift_right(slope", "operands:"),
+    ("lowered xor to_std_logic(x = 2)", "lowered", "lengths:"),
+    ("found    := found or", "found    :=", "unfit:"),
+)

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -33,8 +33,6 @@ FLAT = Flat(
 def bench(inwards: bool, nodes: int = 60, rtl: Path = RTL) -> Outcome:
     return run(
         "node_preparation",
-        "tb.rtl.mpdcc.node_preparation.bench_node_preparation",
-        units=["node_preparation"],
         flat=FLAT,
         generics={"INWARDS": str(inwards).lower()},
         arguments={"seed": 9, "nodes": nodes, "clocks": 60, "inwards": inwards},
@@ -47,12 +45,9 @@ def test_the_band_is_the_nodes(inwards: bool) -> None:
     assert bench(inwards).checks["turn"] >= 1000
 
 
-FAULTS = [
-    Fault("node_preparation", "(x < 2 and prep", "(x < 2 or prep", "turn:"),
-    Fault("node_preparation", "outside and not follow", "outside", "outside:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(True, rtl=rtl))
+test_a_fault_is_seen = seen(
+    "node_preparation",
+    lambda rtl: bench(True, rtl=rtl),
+    ("(x < 2 and prep", "(x < 2 or prep", "turn:"),
+    ("outside and not follow", "outside", "outside:"),
+)

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -26,8 +26,6 @@ FLAT = Flat()
 def bench(roots: int = 25, throttle: float = 0.0, rtl: Path = RTL) -> Outcome:
     return run(
         "node_queue",
-        "tb.rtl.mpdcc.node_queue.bench_node_queue",
-        units=["node_queue"],
         flat=FLAT,
         arguments={"seed": 11, "roots": roots, "throttle": throttle},
         rtl=rtl,
@@ -39,13 +37,10 @@ def test_entries_come_in_order(throttle: float) -> None:
     assert bench(throttle=throttle).checks["entry"] >= 250
 
 
-FAULTS = [
-    Fault("node_queue", "in EFFORTS - 1 downto 0 loop", "in 0 to EFFORTS - 1 loop", "entry:"),
-    Fault("node_queue", "place <= (others => '0');", "null;", "slope of place 0:"),
-    Fault("node_queue", "stage      <= CHOOSE;", "null;", "not shown yet:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
+test_a_fault_is_seen = seen(
+    "node_queue",
+    bench,
+    ("in EFFORTS - 1 downto 0 loop", "in 0 to EFFORTS - 1 loop", "entry:"),
+    ("place <= (others => '0');", "null;", "slope of place 0:"),
+    ("stage      <= CHOOSE;", "null;", "not shown yet:"),
+)

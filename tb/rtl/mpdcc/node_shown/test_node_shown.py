@@ -14,10 +14,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -25,27 +23,17 @@ FLAT = Flat(whole=("node", "shown"))
 
 
 def bench(clocks: int = 2500, rtl: Path = RTL) -> Outcome:
-    return run(
-        "node_shown",
-        "tb.rtl.mpdcc.node_shown.bench_node_shown",
-        units=["node_shown"],
-        flat=FLAT,
-        arguments={"seed": 2, "clocks": clocks},
-        rtl=rtl,
-    )
+    return run("node_shown", flat=FLAT, arguments={"seed": 2, "clocks": clocks}, rtl=rtl)
 
 
 def test_fields_change_in_their_clock() -> None:
     assert bench().checks["length"] >= 1000
 
 
-FAULTS = [
-    Fault("node_shown", "pulse(WEIGHT_READ)", "pulse(START_READ)", r"weight:"),
-    Fault("node_shown", "saturated_last <= saturated_late;", "null;", r"saturated:"),
-    Fault("node_shown", "pulse(1 to BEST_READ) <= (others => '0');", "null;", r"show_error is und"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
+test_a_fault_is_seen = seen(
+    "node_shown",
+    bench,
+    ("pulse(WEIGHT_READ)", "pulse(START_READ)", r"weight:"),
+    ("saturated_last <= saturated_late;", "null;", r"saturated:"),
+    ("pulse(1 to BEST_READ) <= (others => '0');", "null;", r"show_error is und"),
+)

@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -31,8 +31,6 @@ FLAT = Flat(whole=("node", "shown", "leaf"), bare=("phase", "origin", "terms", "
 def bench(explorers: int, decisions: int = 50, throttle: float = 0.0, rtl: Path = RTL) -> Outcome:
     return run(
         "second_level",
-        "tb.rtl.mpdcc.second_level.bench_second_level",
-        units=["second_level"],
         flat=FLAT,
         generics={"EXPLORERS": explorers},
         arguments={"seed": 5, "decisions": decisions, "throttle": throttle},
@@ -54,20 +52,17 @@ def test_everything_comes_in_its_clock(explorers: int, throttle: float) -> None:
     assert found.measured["nodes"] >= 12
 
 
-FAULTS = [
-    Fault("second_level", "(r.pending = 1 and leaves", "(r.pending /= 1 and leaves", "advance:"),
-    Fault("second_level", "if (goes = '1') then", "if (true) then", "preparation_bank:"),
-    Fault("second_level", "if (completed_late = '1') then", "if (true) then", "level_saturated:"),
-    Fault("second_level", "predicted_flag <= terms.overflowed;", "null;", "level_saturated:"),
-    Fault("second_level", "- leaf_count;", "- leaf_count - 1;", "(advance|cut):"),
-    Fault("second_level", "and phase.probing = '1'", "", "level_unfit:"),
-    Fault("second_level", "waiting.bank     <= visit_table;", "waiting.bank <= '0';", "leaf:"),
-    Fault("second_level", "if (follow = '1') then", "if (false) then", "v_n:"),
-    Fault("second_level", "r.pending      <= STATE_INIT.pending;", "null;", "level_over:"),
-    Fault("second_level", "flagged <= terms.overflowed;", "flagged <= terms.saturated;", "flag:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(2, rtl=rtl))
+test_a_fault_is_seen = seen(
+    "second_level",
+    lambda rtl: bench(2, rtl=rtl),
+    ("(r.pending = 1 and leaves", "(r.pending /= 1 and leaves", "advance:"),
+    ("if (goes = '1') then", "if (true) then", "preparation_bank:"),
+    ("if (completed_late = '1') then", "if (true) then", "level_saturated:"),
+    ("predicted_flag <= terms.overflowed;", "null;", "level_saturated:"),
+    ("- leaf_count;", "- leaf_count - 1;", "(advance|cut):"),
+    ("and phase.probing = '1'", "", "level_unfit:"),
+    ("waiting.bank     <= visit_table;", "waiting.bank <= '0';", "leaf:"),
+    ("if (follow = '1') then", "if (false) then", "v_n:"),
+    ("r.pending      <= STATE_INIT.pending;", "null;", "level_over:"),
+    ("flagged <= terms.overflowed;", "flagged <= terms.saturated;", "flag:"),
+)

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -29,8 +29,6 @@ def bench(
 ) -> Outcome:
     return run(
         "turn_threshold",
-        "tb.rtl.mpdcc.turn_threshold.bench_turn_threshold",
-        units=["turn_threshold"],
         flat=FLAT,
         generics={"INWARDS": str(inwards).lower()},
         arguments={
@@ -49,16 +47,13 @@ def test_thresholds_follow_the_definition(throttle: bool, inwards: bool) -> None
     assert bench(throttle=throttle, inwards=inwards).checks["threshold"] >= 1200
 
 
-FAULTS = [
-    Fault("turn_threshold", "if (curvature >= 0)", "if (curvature > 0)", r"threshold:"),
-    Fault("turn_threshold", "if (left /= 0 and", "if (left > 1 and", r"threshold:"),
-    Fault("turn_threshold", "choose(INWARDS, 1, 2)", "2", r"threshold:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(800, rtl=rtl))
+test_a_fault_is_seen = seen(
+    "turn_threshold",
+    lambda rtl: bench(800, rtl=rtl),
+    ("if (curvature >= 0)", "if (curvature > 0)", r"threshold:"),
+    ("if (left /= 0 and", "if (left > 1 and", r"threshold:"),
+    ("choose(INWARDS, 1, 2)", "2", r"threshold:"),
+)
 
 
 def test_the_short_benches_see_no_fault_where_none_is() -> None:

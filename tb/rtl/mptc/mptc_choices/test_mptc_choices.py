@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -31,8 +31,6 @@ FLAT = Flat(bare=("missing",))
 def bench(tasks: int = 160, throttle: int = 0, rtl: Path = RTL) -> Outcome:
     return run(
         "mptc_choices",
-        "tb.rtl.mptc.mptc_choices.bench_mptc_choices",
-        units=["mptc_choices"],
         flat=FLAT,
         arguments={"seed": 6, "tasks": tasks, "throttle": throttle},
         rtl=rtl,
@@ -48,16 +46,13 @@ def test_the_nearest_choice_is_kept(throttle: int) -> None:
     assert outcome.covered["cut"] >= 10
 
 
-FAULTS = [
-    Fault("mptc_choices", "moved(fine, taken, '1')", "moved(fine, taken, '0')", "along:"),
-    Fault("mptc_choices", "fine := with_wholes(fine, (not turned) & '1');", "null;", "beside:"),
-    Fault("mptc_choices", "0)) < least)", "0)) <= least)", "number:"),
-    Fault("mptc_choices", "not from_ended", "from_ended", "fewer:"),
-    Fault("mptc_choices", "active <= '0';\n          end", "null;\n          end", "number:"),
-    Fault("mptc_choices", "slot = SLOTS_BEHIND)\n", "slot = 0)\n", "number:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl, throttle=1))
+test_a_fault_is_seen = seen(
+    "mptc_choices",
+    lambda rtl: bench(rtl=rtl, throttle=1),
+    ("moved(fine, taken, '1')", "moved(fine, taken, '0')", "along:"),
+    ("fine := with_wholes(fine, (not turned) & '1');", "null;", "beside:"),
+    ("0)) < least)", "0)) <= least)", "number:"),
+    ("not from_ended", "from_ended", "fewer:"),
+    ("active <= '0';\n          end", "null;\n          end", "number:"),
+    ("slot = SLOTS_BEHIND)\n", "slot = 0)\n", "number:"),
+)

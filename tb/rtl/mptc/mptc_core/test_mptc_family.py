@@ -412,7 +412,6 @@ def full_speed(rtl: Path = RTL, *, mixed: int = 40, near: int = 70, powerless: i
     return run(
         "mptc_family_core",
         "tb.rtl.mptc.mptc_core.bench_mptc_family_full_speed",
-        units=["mptc_family_core"],
         arguments={"mixed": mixed, "near": near, "powerless": powerless},
         rtl=rtl,
         timeout=900,

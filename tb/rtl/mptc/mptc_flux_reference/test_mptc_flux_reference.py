@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -24,8 +24,6 @@ FLAT = Flat(bare=("target",))
 def bench(references: int = 200, throttle: int = 0, rtl: Path = RTL) -> Outcome:
     return run(
         "mptc_flux_reference",
-        "tb.rtl.mptc.mptc_flux_reference.bench_mptc_flux_reference",
-        units=["mptc_flux_reference"],
         flat=FLAT,
         arguments={"seed": 5, "references": references, "throttle": throttle},
         rtl=rtl,
@@ -37,12 +35,9 @@ def test_parts_are_roots(throttle: int) -> None:
     assert bench(throttle=throttle).checks["along"] >= 150
 
 
-FAULTS = [
-    Fault("mptc_flux_reference", "not ('0' & root)", "('0' & root)", "across:"),
-    Fault("mptc_flux_reference", "(rest and fits)", "rest", "across:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
+test_a_fault_is_seen = seen(
+    "mptc_flux_reference",
+    bench,
+    ("not ('0' & root)", "('0' & root)", "across:"),
+    ("(rest and fits)", "rest", "across:"),
+)

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -27,8 +27,6 @@ FLAT = Flat(bare=("chosen",))
 def bench(decisions: int = 180, throttle: int = 0, rtl: Path = RTL) -> Outcome:
     return run(
         "mptc_hexagon",
-        "tb.rtl.mptc.mptc_hexagon.bench_mptc_hexagon",
-        units=["mptc_hexagon"],
         flat=FLAT,
         arguments={"seed": 9, "decisions": decisions, "throttle": throttle},
         rtl=rtl,
@@ -43,16 +41,13 @@ def test_decisions_are_the_models(throttle: int) -> None:
     assert outcome.covered["reset"] >= 12
 
 
-FAULTS = [
-    Fault("mptc_hexagon", "rest_t <= unspent - first;", "rest_t <= unspent;", "chosen t2:"),
-    Fault("mptc_hexagon", "(row) and zero_is_u_7(best.other)", "(row)", "chosen u2:"),
-    Fault("mptc_hexagon", "if (flat = '1') then", "if (false) then", "chosen t1:"),
-    Fault("mptc_hexagon", "sum      => sum_alpha", "sum      => sum_beta", "chosen u"),
-    Fault("mptc_hexagon", "elsif (unsigned(given.t2) /= 0) then", "elsif (true) then", "along:"),
-    Fault("mptc_hexagon", "rst = '1' or last = '1'", "last = '1'", "along:|far:|chosen"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
+test_a_fault_is_seen = seen(
+    "mptc_hexagon",
+    bench,
+    ("rest_t <= unspent - first;", "rest_t <= unspent;", "chosen t2:"),
+    ("(row) and zero_is_u_7(best.other)", "(row)", "chosen u2:"),
+    ("if (flat = '1') then", "if (false) then", "chosen t1:"),
+    ("sum      => sum_alpha", "sum      => sum_beta", "chosen u"),
+    ("elsif (unsigned(given.t2) /= 0) then", "elsif (true) then", "along:"),
+    ("rst = '1' or last = '1'", "last = '1'", "along:|far:|chosen"),
+)

@@ -23,13 +23,7 @@ from tb.helpers.simulation import Outcome, run
 
 
 def bench(vectors: int = 1500, rtl: Path = RTL) -> Outcome:
-    return run(
-        "mptc_magnitude",
-        "tb.rtl.mptc.mptc_magnitude.bench_mptc_magnitude",
-        units=["mptc_magnitude"],
-        arguments={"seed": 5, "vectors": vectors},
-        rtl=rtl,
-    )
+    return run("mptc_magnitude", arguments={"seed": 5, "vectors": vectors}, rtl=rtl)
 
 
 def test_lengths_are_within_their_bound() -> None:

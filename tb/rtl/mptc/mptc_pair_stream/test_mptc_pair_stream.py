@@ -20,7 +20,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
 from tb.helpers.simulation import Outcome, run
 
@@ -30,8 +30,6 @@ FLAT = Flat(bare=("state",))
 def bench(rounds: int = 18, throttle: int = 0, rtl: Path = RTL) -> Outcome:
     return run(
         "mptc_pair_stream",
-        "tb.rtl.mptc.mptc_pair_stream.bench_mptc_pair_stream",
-        units=["mptc_pair_stream"],
         flat=FLAT,
         arguments={"seed": 7, "rounds": rounds, "throttle": throttle},
         rtl=rtl,
@@ -46,16 +44,13 @@ def test_pairs_come_with_their_duties(throttle: int) -> None:
     assert outcome.covered["reset"] >= 4
 
 
-FAULTS = [
-    Fault("mptc_pair_stream", "(others => known_late(0));", "(others => '0');", "duty:"),
-    Fault("mptc_pair_stream", "given.direction <= leader;", "null;", "duty:"),
-    Fault("mptc_pair_stream", "and not (pair_2.probe and is_duty);", ";", "found:"),
-    Fault("mptc_pair_stream", "best <= compared;", "best <= named;", "cheapest:"),
-    Fault("mptc_pair_stream", "=> STREAM_TERM_FAMILY\n", "=> STREAM_TERM\n", "left:"),
-    Fault("mptc_pair_stream", "zero_is_u_7(winner(5 downto 3))", "'0'", "chosen:"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
+test_a_fault_is_seen = seen(
+    "mptc_pair_stream",
+    bench,
+    ("(others => known_late(0));", "(others => '0');", "duty:"),
+    ("given.direction <= leader;", "null;", "duty:"),
+    ("and not (pair_2.probe and is_duty);", ";", "found:"),
+    ("best <= compared;", "best <= named;", "cheapest:"),
+    ("=> STREAM_TERM_FAMILY\n", "=> STREAM_TERM\n", "left:"),
+    ("zero_is_u_7(winner(5 downto 3))", "'0'", "chosen:"),
+)

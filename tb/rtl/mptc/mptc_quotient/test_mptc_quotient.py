@@ -22,11 +22,7 @@ from tb.helpers.simulation import Outcome, run
 
 def bench(pause: float, quotients: int = 300, rtl: Path = RTL) -> Outcome:
     return run(
-        "mptc_quotient",
-        "tb.rtl.mptc.mptc_quotient.bench_mptc_quotient",
-        units=["mptc_quotient"],
-        arguments={"seed": 4, "quotients": quotients, "pause": pause},
-        rtl=rtl,
+        "mptc_quotient", arguments={"seed": 4, "quotients": quotients, "pause": pause}, rtl=rtl
     )
 
 

@@ -21,13 +21,7 @@ from tb.helpers.simulation import Outcome, run
 
 
 def bench(roots: int = 400, rtl: Path = RTL) -> Outcome:
-    return run(
-        "mptc_root",
-        "tb.rtl.mptc.mptc_root.bench_mptc_root",
-        units=["mptc_root"],
-        arguments={"seed": 2, "roots": roots},
-        rtl=rtl,
-    )
+    return run("mptc_root", arguments={"seed": 2, "roots": roots}, rtl=rtl)
 
 
 def test_roots_are_exact() -> None:

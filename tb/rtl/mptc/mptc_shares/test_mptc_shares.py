@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 FILES = [Path(__file__).with_name("mptc_shares_flat.vhd")]
@@ -36,13 +36,10 @@ def test_shares_are_sums_of_vectors(throttle: int) -> None:
     assert bench(throttle=throttle).checks["pair"] >= 400
 
 
-FAULTS = [
-    Fault("mptc_shares", "less    <= step(0);", "less    <= '0';", "mean:"),
-    Fault("mptc_shares", "if (step(1) = '1') then", "if (step(0) = '1') then", "mean:"),
-    Fault("mptc_mean_share", "part_beta(running.u3, t3)", "part_beta(running.u3, t2)", "mean in"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
+test_a_fault_is_seen = seen(
+    "mptc_shares",
+    bench,
+    ("less    <= step(0);", "less    <= '0';", "mean:"),
+    ("if (step(1) = '1') then", "if (step(0) = '1') then", "mean:"),
+    ("part_beta(running.u3, t3)", "part_beta(running.u3, t2)", "mean in", "mptc_mean_share"),
+)

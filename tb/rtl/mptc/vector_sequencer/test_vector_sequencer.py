@@ -33,13 +33,7 @@ ENTITY = "vector_sequencer"
 
 
 def bench(stretches: int, rtl: Path = RTL, seed: int = 3) -> Outcome:
-    return run(
-        ENTITY,
-        f"tb.rtl.mptc.{ENTITY}.bench_{ENTITY}",
-        units=[ENTITY],
-        arguments={"seed": seed, "stretches": stretches},
-        rtl=rtl,
-    )
+    return run(ENTITY, arguments={"seed": seed, "stretches": stretches}, rtl=rtl)
 
 
 @pytest.mark.parametrize("seed", [3, 4])

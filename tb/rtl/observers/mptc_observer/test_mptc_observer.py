@@ -11,21 +11,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 
 def bench(steps: int = 60, rtl: Path = RTL) -> Outcome:
-    return run(
-        "mptc_observer",
-        "tb.rtl.observers.mptc_observer.bench_mptc_observer",
-        units=["mptc_observer"],
-        arguments={"seed": 3, "steps": steps},
-        rtl=rtl,
-    )
+    return run("mptc_observer", arguments={"seed": 3, "steps": steps}, rtl=rtl)
 
 
 def test_a_step_may_begin_with_the_end_of_the_last() -> None:
@@ -33,13 +25,12 @@ def test_a_step_may_begin_with_the_end_of_the_last() -> None:
 
 
 PROGRAM = "mptc_observer_program"
-FAULTS = [
-    Fault(PROGRAM, "LAST_AT : natural := 37", "LAST_AT : natural := 38", r"busy:"),
-    Fault(PROGRAM, "VALID_AT : natural := 37", "VALID_AT : natural := 36", r"valid:"),
-    Fault("mptc_observer", "if (active = '0') then", "if (false) then", r"estimate:|saturated"),
-]
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, lambda rtl: bench(rtl=rtl))
+test_a_fault_is_seen = seen(
+    PROGRAM,
+    bench,
+    ("LAST_AT : natural := 37", "LAST_AT : natural := 38", r"busy:"),
+    ("VALID_AT : natural := 37", "VALID_AT : natural := 36", r"valid:"),
+    ("if (active = '0') then", "if (false) then", r"estimate:|saturated", "mptc_observer"),
+)

@@ -35,11 +35,7 @@ PROGRAM = f"{ENTITY}_program"
 
 def bench(steps: int, rtl: Path = RTL, *, pauses: bool = False, resets: bool = False) -> Outcome:
     return run(
-        ENTITY,
-        f"tb.rtl.observers.{ENTITY}.bench_{ENTITY}",
-        units=[ENTITY],
-        arguments={"seed": 4, "steps": steps, "pauses": pauses, "resets": resets},
-        rtl=rtl,
+        ENTITY, arguments={"seed": 4, "steps": steps, "pauses": pauses, "resets": resets}, rtl=rtl
     )
 
 

@@ -21,7 +21,7 @@ from directmpc.api.drive_file import load_drive
 from directmpc.host import boot, registers
 from directmpc.host.boot import Access, Outcome
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome as Found
 from tb.helpers.simulation import run
 
@@ -30,12 +30,7 @@ NAME = "boot_loader"
 
 def bench(rtl: Path = RTL, boots: int = 30) -> Found:
     return run(
-        NAME,
-        f"tb.rtl.system.{NAME}.bench_{NAME}",
-        units=[NAME],
-        generics={"TRIES": 8, "LIMIT": 200},
-        arguments={"boots": boots, "seed": 5},
-        rtl=rtl,
+        NAME, generics={"TRIES": 8, "LIMIT": 200}, arguments={"boots": boots, "seed": 5}, rtl=rtl
     )
 
 
@@ -46,33 +41,21 @@ def test_every_access_is_the_models() -> None:
 #: Checks that a fault fails, whichever comes first.
 SEEN = "(access|outcome|early|waits|silence)"
 
-FAULTS = [
-    Fault(NAME, "if (response /= OKAY) then", "if (false) then", SEEN),
-    Fault(NAME, "v.tried := 0;\n        v.phase", "v.phase", SEEN),
-    Fault(NAME, "forward := rdata = word;", "forward := true;", SEEN),
-    Fault(NAME, "(rdata and word) /=", "rdata /=", SEEN),
-    Fault(NAME, "r.tried = TRIES - 1", "r.tried = TRIES - 2", SEEN),
-    Fault(
-        NAME,
-        "          v.phase := FETCH;",
-        "          v.phase := BEGINS;",
-        SEEN,
-    ),
-    Fault(NAME, 'address <= "00" & entry(45', 'address <= "00" & not entry(45', SEEN),
-    Fault(NAME, "not (entry(47) or entry(46))", "not entry(47)", SEEN),
-    Fault(NAME, "v := STATE_INIT;", "v := (FETCH, STATE_INIT.place, '0', r.tried);", SEEN),
-    Fault(
-        NAME,
-        "v := STATE_INIT;",
-        "v := STATE_INIT; if (r.back = '1') then v.back := '1'; end if;",
-        SEEN,
-    ),
-]
 
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_seen = seen(
+    NAME,
+    bench,
+    ("if (response /= OKAY) then", "if (false) then", SEEN),
+    ("v.tried := 0;\n        v.phase", "v.phase", SEEN),
+    ("forward := rdata = word;", "forward := true;", SEEN),
+    ("(rdata and word) /=", "rdata /=", SEEN),
+    ("r.tried = TRIES - 1", "r.tried = TRIES - 2", SEEN),
+    ("          v.phase := FETCH;", "          v.phase := BEGINS;", SEEN),
+    ('address <= "00" & entry(45', 'address <= "00" & not entry(45', SEEN),
+    ("not (entry(47) or entry(46))", "not entry(47)", SEEN),
+    ("v := STATE_INIT;", "v := (FETCH, STATE_INIT.place, '0', r.tried);", SEEN),
+    ("v := STATE_INIT;", "v := STATE_INIT; if (r.back = '1') then v.back := '1'; end if;", SEEN),
+)
 
 
 class Registers:

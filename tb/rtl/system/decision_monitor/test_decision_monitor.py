@@ -11,37 +11,26 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "decision_monitor"
 
 
 def bench(rtl: Path = RTL, clocks: int = 3000) -> Outcome:
-    return run(
-        NAME,
-        f"tb.rtl.system.{NAME}.bench_{NAME}",
-        units=[NAME],
-        arguments={"clocks": clocks},
-        rtl=rtl,
-    )
+    return run(NAME, arguments={"clocks": clocks}, rtl=rtl)
 
 
 def test_decisions_are_counted() -> None:
     bench()
 
 
-FAULTS = [
-    Fault(NAME, "cycles <= to_unsigned(1, 16);", "cycles <= to_unsigned(0, 16);", "last"),
-    Fault(NAME, "if (cycles > longest) then", "if (cycles < longest) then", "worst"),
-    Fault(NAME, "elsif (cycles /= (cycles'range => '1')) then", "else", "end"),
-    Fault(NAME, "(rst = '1' or clear = '1')", "(rst = '1')", "(decisions|last|worst)"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_seen = seen(
+    NAME,
+    bench,
+    ("cycles <= to_unsigned(1, 16);", "cycles <= to_unsigned(0, 16);", "last"),
+    ("if (cycles > longest) then", "if (cycles < longest) then", "worst"),
+    ("elsif (cycles /= (cycles'range => '1')) then", "else", "end"),
+    ("(rst = '1' or clear = '1')", "(rst = '1')", "(decisions|last|worst)"),
+)

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "measurement_watch"
@@ -26,8 +26,6 @@ COUNTS = {"mpdcc": 13, "mptc": 8}
 def bench(rtl: Path = RTL, controller: str = "mptc", clocks: int = 12_000) -> Outcome:
     return run(
         NAME,
-        f"tb.rtl.system.{NAME}.bench_{NAME}",
-        units=[NAME],
         generics={"COUNT": COUNTS[controller]},
         arguments={"clocks": clocks, "controller": controller},
         rtl=rtl,
@@ -39,17 +37,14 @@ def test_only_whole_new_measurements_are_fresh(controller: str) -> None:
     bench(controller=controller)
 
 
-FAULTS = [
-    Fault(NAME, "(written'range => '1')", "(written'range => '1') or written(0) = '1'", "fresh"),
-    Fault(NAME, "take or whole", "whole", "fresh"),
-    Fault(NAME, "if (begins = '1' or old = '1'", "if (old = '1'", "fresh"),
-    Fault(NAME, "or old = '1' or live", "or live", "fresh"),
-    Fault(NAME, "or live = '0' or rst", "or rst", "fresh"),
-    Fault(NAME, "passed = '1' and address", "address", "fresh"),
-    Fault(NAME, "load   => none", "load   => begins", "fresh"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_seen = seen(
+    NAME,
+    bench,
+    ("(written'range => '1')", "(written'range => '1') or written(0) = '1'", "fresh"),
+    ("take or whole", "whole", "fresh"),
+    ("if (begins = '1' or old = '1'", "if (old = '1'", "fresh"),
+    ("or old = '1' or live", "or live", "fresh"),
+    ("or live = '0' or rst", "or rst", "fresh"),
+    ("passed = '1' and address", "address", "fresh"),
+    ("load   => none", "load   => begins", "fresh"),
+)

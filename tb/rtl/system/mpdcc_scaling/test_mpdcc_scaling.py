@@ -21,7 +21,6 @@ def bench(rtl: Path = RTL) -> Outcome:
     return run(
         "mpdcc_system",
         "tb.rtl.system.mpdcc_scaling.bench_mpdcc_scaling",
-        units=["mpdcc_system"],
         generics={"EXPLORERS": 1},
         arguments={"seed": 6, "rounds": 4},
         rtl=rtl,

@@ -19,15 +19,13 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import Fault, assert_seen, seen
 from tb.helpers.simulation import Outcome, run
 
 
 def bench(rtl: Path = RTL, *, second_level: bool = True, folded: bool = False) -> Outcome:
     return run(
         "mpdcc_system",
-        "tb.rtl.system.mpdcc_system.bench_mpdcc_system",
-        units=["mpdcc_system"],
         generics={"EXPLORERS": 1, "SECOND_LEVEL": second_level, "FOLDED": folded},
         arguments={"seed": 3, "rounds": 18},
         rtl=rtl,
@@ -47,17 +45,10 @@ def test_without_a_second_level_a_decision_is_given_at_once(folded: bool) -> Non
 
 
 def gates(rtl: Path = RTL) -> Outcome:
-    return run(
-        "mpdcc_system",
-        "tb.rtl.system.bench_system",
-        units=["mpdcc_system"],
-        generics={"EXPLORERS": 1},
-        arguments={
+    return run("mpdcc_system", "tb.rtl.system.bench_system", generics={"EXPLORERS": 1}, arguments={
             "seed": 5, "rounds": 0, "decisions": 0, "registers": 0, "controller": "mpdcc",
             "only": "switched",
-        },
-        rtl=rtl,
-    )  # fmt: skip
+        }, rtl=rtl)  # fmt: skip
 
 
 def test_the_observer_goes_by_the_gates_of_each_leg() -> None:
@@ -70,16 +61,15 @@ def test_another_legs_gates_are_seen(tmp_path: Path) -> None:
 
 
 WAITS = "        waits_for_go <= '0';\n        followed_on "
-FAULTS = [
-    Fault("mpdcc_system", "=> c(PLACE_C_WEIGHT_ALPHA)", "=> c(PLACE_C_WEIGHT_BETA)", "alone:"),
-    Fault("mpdcc_system", WAITS, "        followed_on ", "apply is undefined"),
-    Fault("mpdcc_system", "loaded <= taking;", "null;", "theta:"),
-    Fault("mpdcc_system", "(leakage_valid and leakage_full) or ", "", "told:"),
-    Fault("mpdcc_system", "and waits_for_go);", "and waits_for_go and delayed);", "handed over:"),
-    Fault("mpdcc_system", "(forget and not deciding)", "forget", "no decision"),
-]
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_seen = seen(
+    "mpdcc_system",
+    bench,
+    ("=> c(PLACE_C_WEIGHT_ALPHA)", "=> c(PLACE_C_WEIGHT_BETA)", "alone:"),
+    (WAITS, "        followed_on ", "apply is undefined"),
+    ("loaded <= taking;", "null;", "theta:"),
+    ("(leakage_valid and leakage_full) or ", "", "told:"),
+    ("and waits_for_go);", "and waits_for_go and delayed);", "handed over:"),
+    ("(forget and not deciding)", "forget", "no decision"),
+)

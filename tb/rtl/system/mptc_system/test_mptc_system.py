@@ -24,8 +24,6 @@ from tb.helpers.simulation import Outcome, run
 def bench(rtl: Path = RTL, *, family: bool = False, sensorless: bool = False) -> Outcome:
     return run(
         "mptc_system",
-        "tb.rtl.system.mptc_system.bench_mptc_system",
-        units=["mptc_system"],
         generics={"FAMILY": family, "SENSORLESS": sensorless},
         arguments={"seed": 8},
         rtl=rtl,

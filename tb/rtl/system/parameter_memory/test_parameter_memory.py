@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 
@@ -30,8 +30,6 @@ def bench(
 ) -> Outcome:
     return run(
         "parameter_memory",
-        "tb.rtl.system.parameter_memory.bench_parameter_memory",
-        units=["parameter_memory"],
         generics={"SLOPES": str(slopes).lower()},
         arguments={"seed": 2, "clocks": clocks, "slopes": slopes, "rate": rate},
         rtl=rtl,
@@ -46,55 +44,39 @@ def test_a_copy_brings_the_host_s_words_into_force(slopes: bool, rate: float) ->
 
 
 ENTITY = "parameter_memory"
-FAULTS = [
-    Fault(ENTITY, "(n < PARAMETER_BITS(i))", "(n <= PARAMETER_BITS(i))", "(read|copied)"),
-    Fault(ENTITY, "(n < PARAMETER_BITS(i))", "(n + 1 < PARAMETER_BITS(i))", "(read|copied)"),
-    Fault(
-        ENTITY,
+
+
+test_a_fault_is_seen = seen(
+    ENTITY,
+    bench,
+    ("(n < PARAMETER_BITS(i))", "(n <= PARAMETER_BITS(i))", "(read|copied)"),
+    ("(n < PARAMETER_BITS(i))", "(n + 1 < PARAMETER_BITS(i))", "(read|copied)"),
+    (
         "      mask          <= host_mask;",
         "      mask          <= (others => '1');",
         "(read|copied)",
     ),
-    Fault(
-        ENTITY, "active and not (reads or written);", "active and not written;", "(c_write|copied)"
-    ),
-    Fault(
-        ENTITY, "active and not (reads or written);", "active and not reads;", "(c_write|copied)"
-    ),
-    Fault(
-        ENTITY,
-        "host_place when reads = '1' else",
-        "host_place when request = '0' else",
-        "(read|copied)",
-    ),
-    Fault(ENTITY, "next_place /= LAST", "next_place /= LAST - 1", "(c_write|taken)"),
-    Fault(ENTITY, "fetched_at = LAST)", "fetched_at = LAST - 1)", "taken"),
-    Fault(ENTITY, "in_use = '0' and busy = '0'", "in_use = '0'", "(waits|c_write)"),
-    Fault(ENTITY, "in_use = '0' and busy = '0'", "busy = '0'", "c_write"),
-    Fault(ENTITY, "elsif (is_taken = '1') then", "elsif (ends = '1') then", "waits"),
-    Fault(
-        ENTITY, "chain(i) <= chain(behind(i));", "chain(i) <= chain(i);", "(coefficients|in force)"
-    ),
-    Fault(ENTITY, "moves <= sent and one;", "moves <= active and one;", "(coefficients|in force)"),
-    Fault(ENTITY, "= at and not SLOPES) then", "= at and SLOPES) then", "coefficients"),
-    Fault(ENTITY, "sent_at = PLACE_BUDGET)", "sent_at = PLACE_HORIZON)", "in force"),
-    Fault(
-        ENTITY,
+    ("active and not (reads or written);", "active and not written;", "(c_write|copied)"),
+    ("active and not (reads or written);", "active and not reads;", "(c_write|copied)"),
+    ("host_place when reads = '1' else", "host_place when request = '0' else", "(read|copied)"),
+    ("next_place /= LAST", "next_place /= LAST - 1", "(c_write|taken)"),
+    ("fetched_at = LAST)", "fetched_at = LAST - 1)", "taken"),
+    ("in_use = '0' and busy = '0'", "in_use = '0'", "(waits|c_write)"),
+    ("in_use = '0' and busy = '0'", "busy = '0'", "c_write"),
+    ("elsif (is_taken = '1') then", "elsif (ends = '1') then", "waits"),
+    ("chain(i) <= chain(behind(i));", "chain(i) <= chain(i);", "(coefficients|in force)"),
+    ("moves <= sent and one;", "moves <= active and one;", "(coefficients|in force)"),
+    ("= at and not SLOPES) then", "= at and SLOPES) then", "coefficients"),
+    ("sent_at = PLACE_BUDGET)", "sent_at = PLACE_HORIZON)", "in force"),
+    (
         "shown      <= ram_word when blank = '0' else",
         "shown      <= ram_word when true else",
         "(read|c_word)",
     ),
-    Fault(ENTITY, "blank         <= clearing;", "blank <= clearing and not ends;", "read"),
-    Fault(
-        ENTITY, "stores       <= written or clearing;", "stores       <= written;", "(read|c_word)"
-    ),
-    Fault(ENTITY, "if (rst = '1' or clearing = '1') then", "if (rst = '1') then", "(read|copied)"),
-    Fault(ENTITY, "        clearing <= '0';", "        null;", "(read|copied)"),
-    Fault(ENTITY, "        next_place <= (others => '0');", "        null;", "(copied|c_place)"),
-    Fault(ENTITY, "read_done     <= reads;", "read_done     <= request;", "read_done"),
-]
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+    ("blank         <= clearing;", "blank <= clearing and not ends;", "read"),
+    ("stores       <= written or clearing;", "stores       <= written;", "(read|c_word)"),
+    ("if (rst = '1' or clearing = '1') then", "if (rst = '1') then", "(read|copied)"),
+    ("        clearing <= '0';", "        null;", "(read|copied)"),
+    ("        next_place <= (others => '0');", "        null;", "(copied|c_place)"),
+    ("read_done     <= reads;", "read_done     <= request;", "read_done"),
+)

@@ -10,38 +10,26 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from scripts.hdl.sources import RTL
-from tb.helpers.faults import Fault, assert_seen
+from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 
 def bench(rtl: Path = RTL, clocks: int = 2000) -> Outcome:
-    return run(
-        "read_gate",
-        "tb.rtl.system.read_gate.bench_read_gate",
-        units=["read_gate"],
-        arguments={"clocks": clocks},
-        rtl=rtl,
-    )
+    return run("read_gate", arguments={"clocks": clocks}, rtl=rtl)
 
 
 def test_reads_pass_one_at_a_time() -> None:
     bench()
 
 
-FAULTS = [
-    Fault("read_gate", "s_arready and not r.under_way", "s_arready", "m_arready"),
-    Fault("read_gate", "m_arvalid and not r.under_way", "m_arvalid", "s_arvalid"),
-    Fault("read_gate", "s_rready  <= not r.there", "s_rready  <= m_rready", "s_rready"),
-    Fault("read_gate", "if (r.there = '0') then\n        data", "if (true) then\n        data",
-          "m_r(data|resp)"),
-    Fault("read_gate", "elsif (m_rready = '1') then", "else", "[ms]_"),
-    Fault("read_gate", "<= m_arvalid and s_arready", "<= m_arvalid", "[ms]_"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    assert_seen(fault, tmp_path, bench)
+test_a_fault_is_seen = seen(
+    "read_gate",
+    bench,
+    ("s_arready and not r.under_way", "s_arready", "m_arready"),
+    ("m_arvalid and not r.under_way", "m_arvalid", "s_arvalid"),
+    ("s_rready  <= not r.there", "s_rready  <= m_rready", "s_rready"),
+    ("if (r.there = '0') then\n        data", "if (true) then\n        data", "m_r(data|resp)"),
+    ("elsif (m_rready = '1') then", "else", "[ms]_"),
+    ("<= m_arvalid and s_arready", "<= m_arvalid", "[ms]_"),
+)
