@@ -5,7 +5,8 @@ tripped and stopped by clicks and keys; pages that are closed.
 Checks: what the page draws and says against the library; what it exports against the run; frames a
 second with 20 channels of 1,000 points; twenty steps before a trip in two clicks; memory.
 Timing: half a minute, and the build of the board's RTL the first time.
-Does not prove: that a slower computer draws as fast.
+Does not prove: that a slower computer draws as fast. Without a Chromium, as in CI, all of it is
+skipped, and the report says so.
 
 The pictures of docs/scope.md are made here: SCOPE_PICTURES=docs .venv/bin/python -m pytest
 tb/commands/test_scope_page.py -k pictures
@@ -593,25 +594,23 @@ def test_twenty_frames_a_second(browser: Any, live: Scope) -> None:
         assert found >= 20
 
 
-@pytest.mark.parametrize("count", [150, 600])
-def test_memory_does_not_grow(browser: Any, live: Scope, count: int) -> None:
-    """MB of page and server after so many frames and after twice as many.
-
-    All rings are there from the beginning, so a run of any length is like the second half of this
-    one: 30 minutes are 90 times the longer of them.
-    """
+@pytest.mark.parametrize("seconds", [30, pytest.param(1800, marks=pytest.mark.timeout(4000))])
+def test_memory_does_not_grow(browser: Any, live: Scope, seconds: int) -> None:
+    """MB of page and server at the end of a run and after a third of it: its rings stand then."""
     used = "(gc(), gc(), performance.memory.usedJSHeapSize / 1048576)"
     with Page(browser, live.address, 1500, 1000) as page:
         running(page, 100)
         found = []
-        for _ in range(3):  # the first is what the page needs to get going
-            page.until(f"directmpc.frames > {page.get('directmpc.frames') + count}", 20 * PATIENCE)
+        for _ in range(3):
+            time.sleep(seconds / 3)
             found.append((page.get(used), live.memory()))
+        assert page.get("directmpc.state.running")
+        frames = page.get("directmpc.frames")
         page.click("#stop")
         page.until("!directmpc.state.running")
-    _, before, after = found
-    assert after[0] - before[0] < 0.5
-    assert after[1] - before[1] < 1.0
+    print(f"{seconds} s, {frames} frames; MB of page and server at each third: {found}")
+    assert found[-1][0] - found[0][0] < 0.5
+    assert found[-1][1] - found[0][1] < 1.0
 
 
 def test_the_demo_runs_within_a_minute(browser: Any, live: Scope, tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from directmpc.host.board import Board, TrippedError
 from directmpc.host.recorder import Recording
 from directmpc.mpdcc.variants import VARIANTS
 from directmpc.mptc.drive import MptcDrive
+from directmpc.mptc.sequence import VectorSequence
 from directmpc.native import NativeError, library
 from scripts.hdl import native
 from scripts.hdl.mpdcc_simulation import NATIVE_EXPLORERS, native_design
@@ -36,9 +37,15 @@ DRIVES = {"mptc": "induction_2kw2", "mpdcc": "anpc5l_6kv"}
 
 
 def run(board: Board, rows: list[dict[str, float]]) -> None:
-    """Step through all rows."""
+    """Step through all rows; what is applied is what the board has decided."""
+    applied: dict[str, int] = {}
     for row in rows:
-        board.step(row)
+        decided = board.step(row | applied).apply
+        assert not isinstance(decided, VectorSequence)
+        legs = ("s_a", "s_b", "s_c")
+        applied = (
+            {"u": decided} if isinstance(decided, int) else dict(zip(legs, decided, strict=True))
+        )
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -131,4 +138,5 @@ def test_a_rig_is_decided_again(rig: Rig, engine: str, tmp_path: Path) -> None:
         one.pop("cycles")
         other.pop("exhausted", None)
         alike += one == other
-    assert alike == 31 if engine != "ideal" else alike >= 25
+    print(f"{engine}: {alike} of 31 decisions of the rig are decided again, all columns alike")
+    assert alike == 31 if engine != "ideal" else alike >= 30
