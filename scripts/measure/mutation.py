@@ -173,13 +173,14 @@ def arguments(path: Path = ARGUED) -> list[Argument]:
     for unit, entries in given.items():
         for entry in entries:
             where = f"{path.name}: {unit}"
-            for key in ("before", "after", "why"):
-                if not isinstance(entry.get(key), str):
-                    raise MutationError(f"{where}: '{key}' is missing, or no text")
-            if more := set(entry) - {"before", "after", "why", "place"}:
-                raise MutationError(f"{where}: unknown key '{min(more)}'")
-            name = (entry["before"], entry["after"], entry.get("place", 1))
-            found.append(Argument(unit, name, entry["why"]))
+            if more := {"why", "mutants"} ^ set(entry):
+                raise MutationError(f"{where}: 'why' and 'mutants' are needed, not '{min(more)}'")
+            for mutant in entry["mutants"]:
+                kinds = [type(part) for part in mutant] if isinstance(mutant, list) else []
+                if kinds not in ([str, str], [str, str, int]):
+                    raise MutationError(f"{where}: {mutant} is no line before and after, and place")
+                before, after, place = (*mutant, 1)[:3]
+                found.append(Argument(unit, (before, after, place), entry["why"]))
     return found
 
 

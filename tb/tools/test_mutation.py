@@ -243,8 +243,11 @@ def test_arguments_are_about_mutants_that_there_are() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('[[ram]]\nbefore = "a"\nwhy = "b"', "ram: 'after' is missing"),
-        ('[[ram]]\nbefore = "a"\nafter = "b"\nwhy = "c"\nline = 3', "ram: unknown key 'line'"),
+        ('[[ram]]\nmutants = [["a", "b"]]', "ram: 'why' and 'mutants' are needed"),
+        ('[[ram]]\nmutants = []\nwhy = "c"\nline = 3', "ram: .* not 'line'"),
+        ('[[ram]]\nmutants = ["ab"]\nwhy = "c"', "ram: ab is no line"),
+        ('[[ram]]\nmutants = [["a"]]\nwhy = "c"', r"ram: \['a'\] is no line before and after"),
+        ('[[ram]]\nmutants = [["a", "b", "1"]]\nwhy = "c"', "ram: .* is no line"),
     ],
 )
 def test_a_mistake_in_an_argument_is_named(text: str, said: str, tmp_path: Path) -> None:
