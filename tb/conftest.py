@@ -26,11 +26,11 @@ def spread(count: int, keep: int) -> set[int]:
     return {round(k * (count - 1) / (keep - 1)) for k in range(keep)}
 
 
-def kept_cases(rule: dict[str, Any], found: list[str]) -> set[int]:
+def kept_cases(rule: int | list[str], found: list[str]) -> set[int]:
     """Numbers of the cases, called ``found``, that a rule of `sampled` keeps."""
-    if "cases" in rule:
-        return {number for number, case in enumerate(found) if case in rule["cases"]}
-    return spread(len(found), rule["keep"])
+    if isinstance(rule, int):
+        return spread(len(found), rule)
+    return {number for number, case in enumerate(found) if case in rule}
 
 
 def _case_of(item: pytest.Item) -> str:
@@ -71,7 +71,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark what runs in ``make test-all`` alone."""
     with TIERS.open("rb") as stream:
-        tiers: dict[str, list[dict[str, Any]]] = tomllib.load(stream)
+        tiers: dict[str, dict[str, Any]] = tomllib.load(stream)
     cases: dict[str, list[pytest.Item]] = {}
     for item in items:
         cases.setdefault(_function_of(item), []).append(item)
@@ -80,16 +80,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         names = [_case_of(item) for item in found]
         # the first rule that matches is the one that counts
         for kind in ("left_out", "sampled"):
-            rules = [r for r in tiers[kind] if fnmatch.fnmatchcase(function, r["tests"])]
-            matched |= {rule["tests"] for rule in rules}
+            rules = [one for one in tiers[kind] if fnmatch.fnmatchcase(function, one)]
+            matched |= set(rules)
             if rules:
-                kept = kept_cases(rules[0], names) if kind == "sampled" else set()
-                matched |= {f"{rules[0]['tests']}[{name}]" for name in names}
+                kept = kept_cases(tiers[kind][rules[0]], names) if kind == "sampled" else set()
+                matched |= {f"{rules[0]}[{name}]" for name in names}
                 for number, item in enumerate(found):
                     if number not in kept:
                         item.add_marker("thorough")
                 break
-    patterns = {rule["tests"] for rules in tiers.values() for rule in rules}
-    patterns |= {f"{r['tests']}[{case}]" for r in tiers["sampled"] for case in r.get("cases", [])}
+    patterns = {rule for rules in tiers.values() for rule in rules}
+    for rule, cases in tiers["sampled"].items():
+        patterns |= {f"{rule}[{case}]" for case in cases} if isinstance(cases, list) else set()
     if config.args == config.getini("testpaths") and (dead := sorted(patterns - matched)):
         raise pytest.UsageError(f"{TIERS.name}: no test matches {', '.join(dead)}")
