@@ -1,30 +1,30 @@
 """Runs ``mpdcc_core_bench`` for the replay command, the closed loop and the core's tests.
 
 Not a test itself: a cocotb module that reads a job file, feeds the RTL row by row and writes what
-it answered.  The job either holds recorded rows or a plant, whose state then decides the next row.
+it answered.  The job either holds recorded rows, or a closed loop that the core is to decide in.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import cocotb
 import numpy as np
+from cocotb.task import bridge, resume
 from cocotb.triggers import Timer, with_timeout
 
-from directmpc.mpdcc.bit_true import common
-from directmpc.mpdcc.capacitor_observer import CapacitorFilter
-from directmpc.mpdcc.coefficients import BUILT
-from directmpc.mpdcc.errors import measure, sensors, split, switched_step
+from directmpc.mpdcc.coefficients import BUILT, COEFFICIENTS, OPTIONS
 from directmpc.mpdcc.formats import MEASUREMENTS
-from directmpc.mpdcc.leakage import LeakageEstimate
-from directmpc.mpdcc.observer import FluxObserver
 from directmpc.mpdcc.variants import FIELDS
 from scripts.hdl.mpdcc_job import Job
-from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
+from scripts.hdl.simulator import CLOCK_NS, Progress, load
 
 _WIDTH = 16
+#: Ports of parameters, and of what is sampled with start.
+PORTS = (*(f"c_{name}" for name in COEFFICIENTS), *OPTIONS)
+INPUTS = (*MEASUREMENTS, *(f"s_prev_{phase}" for phase in "abc"))
 PATIENCE_CLOCKS = 10_000  # several times the slowest decision: then the core hangs
 
 
@@ -114,65 +114,37 @@ async def replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.nda
     return {"decisions": out}
 
 
-async def closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
-    """Let the RTL's decisions drive the plant.
+class Core:
+    """The bench as `directmpc.native.Design`, for a closed loop in a thread of its own."""
 
-    A loop of its own: the simulator runs on while a decision is awaited, and a `Controller` cannot
-    await.
-    """
-    loop = job.loop
-    assert loop is not None
-    plant = loop.plant()
-    steps = len(loop.omega_s)
-    out = np.empty((steps, len(FIELDS)), dtype=np.int64)
-    states = np.empty((steps + 1, len(plant.state)))
-    applied = np.array(loop.s_start, dtype=np.int64)
-    decided = applied
-    sensed, seen = sensors(loop.errors, steps), np.empty_like(plant.state)
-    # in the period's unit of time
-    dead_time = loop.errors.dead_time * plant.data.ts / loop.drive.control.ts
-    dead, rest = split(plant.data, dead_time)
-    filters = CapacitorFilter(loop.drive)
-    first = plant.state
-    observer = FluxObserver(loop.drive, complex(*first[:2]), complex(*first[2:4]))
-    estimate = LeakageEstimate(loop.drive) if loop.drive.control.leakage_estimate else None
-    given = np.atleast_2d(job.registers)[0]
-    for k in range(steps):
-        before = applied
-        if loop.delay:
-            applied = decided
-        states[k] = plant.state
-        measure(sensed, k, plant.state, seen)
-        filters.row(seen, before)
-        if loop.flux_observer and k > 0:
-            observer.row(seen, float(loop.vdc[k]), float(loop.omega_r[k]), before)
-        measurement, clipped = common.encode_row(
-            seen[:4], seen[4:], loop.vdc[k], loop.iref[k], loop.omega_s[k], loop.omega_r[k],
-        )  # fmt: skip
-        if estimate is not None:
-            bench.use(estimate.scaled(given)[0])
-            estimate.step(measurement, before)
-        out[k] = await bench.decide(measurement, applied)
-        out[k, FIELDS.index("saturated")] |= clipped
-        decided = out[k, 0:3].copy()
-        if not loop.delay:
-            applied = decided
-        plant.omega_r, plant.vdc = float(loop.omega_r[k]), float(loop.vdc[k])
-        if dead_time > 0.0:
-            switched_step(dead, rest, plant.state, before, applied, plant.omega_r, plant.vdc)
-        else:
-            plant.step(applied)
-        progress(k + 1)
-    states[steps] = plant.state
-    return {"decisions": out, "states": states}
+    def __init__(self, bench: Bench) -> None:
+        self._bench, self._given = bench, dict.fromkeys(INPUTS, 0)
+
+    def give(self, values: Mapping[str, int]) -> None:
+        """Set ports by name."""
+        self._given |= values
+
+    async def _decide(self) -> tuple[int, ...]:
+        word = self._given
+        self._bench.use(np.array([*(word[name] for name in PORTS), *(0 for _ in BUILT)]))
+        inputs = np.array([word[name] for name in INPUTS])
+        return await self._bench.decide(inputs[: len(MEASUREMENTS)], inputs[len(MEASUREMENTS) :])
+
+    def decide(self) -> tuple[dict[str, int], int]:
+        """Words of the output ports, and the clocks of a decision."""
+        out = dict(zip(FIELDS, resume(self._decide)(), strict=True))
+        return out, out["cycles"]
 
 
 @cocotb.test()
 async def run_job(dut) -> None:
     """Do what the job file says."""
-    job = load_job(Path(os.environ["DIRECTMPC_JOB"]))
+    job = load(Path(os.environ["DIRECTMPC_JOB"]))
     bench = Bench(dut, job.registers)
     await bench.reset()
-    progress = Progress(job.progress_path, max(1, job.steps // 200))
-    result = await (closed_loop if job.loop is not None else replay)(bench, job, progress)
-    np.savez(job.result_path, bound=dut.bound.value.to_unsigned(), **result)
+    progress = Progress(job.progress_path)
+    if job.loop is None:
+        result = await replay(bench, job, progress)
+    else:
+        result = await bridge(job.closed_loop)(Core(bench), progress)
+    job.answer(result | {"bound": dut.bound.value.to_unsigned()})

@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
+import functools
 import pickle
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from directmpc.api.controllers import RtlController
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
 from directmpc.mpdcc.bit_true import paper as bit_true
-from directmpc.mpdcc.closed_loop import ClosedLoopResult
+from directmpc.mpdcc.closed_loop import ClosedLoopResult, drive_controller
 from directmpc.mpdcc.coefficients import inwards, registers, second_level, weighted_deadlock
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.program import COEFFICIENTS
+from directmpc.mpdcc.variants import VARIANTS
 from scripts.hdl import converter_package, states
 from scripts.hdl import mpdcc_simulation as rtl_simulation
 from scripts.hdl.clocks import worst_clocks
 from scripts.hdl.ghdl import execute
-from scripts.hdl.mpdcc_job import Job, Loop
+from scripts.hdl.mpdcc_job import Job
 from scripts.hdl.mpdcc_simulation import BENCH, generics
+from scripts.hdl.simulator import load
 from scripts.hdl.sources import RTL
 from scripts.hdl.states import IntArray
 
@@ -243,37 +249,37 @@ def simulate(
             rtl=rtl,
             timeout=900,
         )
-        with np.load(job.result_path) as data:
-            out = data["decisions"]
-            shown = [0, 1, 2, 3, 4, 5, 7]
-            early = None if aborts is None else data["early"][:, shown]
-            return Answers(out[:, shown], out[:, 6], int(data["bound"]), out[:, 8], early)
+        data = load(job.result_path)
+        out = data["decisions"]
+        shown = [0, 1, 2, 3, 4, 5, 7]
+        early = None if aborts is None else data["early"][:, shown]
+        return Answers(out[:, shown], out[:, 6], data["bound"], out[:, 8], early)
+
+
+def _repeated(
+    drive: Drive, variant: str, expected: ClosedLoopResult, core: Any,
+    progress: Callable[[int], None],
+) -> tuple[ClosedLoopResult, list[int]]:  # fmt: skip
+    rtl, begin = RtlController(drive, variant, core), (expected.state[0], expected.positions[0])
+    steps, profile = len(expected), expected.profile
+    return drive_controller(drive, rtl, profile, steps, progress=progress, begin=begin), rtl.cycles
 
 
 def in_closed_loop(
-    drive: Drive, array: IntArray, variant: str, expected: ClosedLoopResult
-) -> dict[str, np.ndarray]:
-    """A model's closed loop once more with two explorers of the RTL deciding; what it answered.
+    drive: Drive, variant: str, expected: ClosedLoopResult
+) -> tuple[ClosedLoopResult, list[int], int]:
+    """A model's closed loop once more with two explorers of the RTL deciding; clocks, and bound.
 
     Every decision and every state has to be the model's.
     """
-    profile = expected.profile
-    loop = Loop(
-        drive=drive,
-        state=expected.state[0].copy(),
-        s_start=expected.positions[0].copy(),
-        vdc=profile.vdc,
-        omega_s=profile.omega_s,
-        omega_r=profile.omega_r,
-        iref=np.column_stack([profile.iref.real, profile.iref.imag]),
+    job = Job(
+        VARIANTS[variant].registers(drive).array(),
+        loop=functools.partial(_repeated, drive, variant, expected),
     )
-    empty = np.empty((0, 0), dtype=np.int64)
-    found = rtl_simulation.simulate(Job(array, empty, empty, loop=loop), 2, variant)
-    decisions, wanted = found["decisions"], expected.decisions
-    assert len(decisions) == len(wanted.s) == len(expected.seen)
-    np.testing.assert_array_equal(decisions[:, :3], wanted.s)
-    np.testing.assert_array_equal(decisions[:, 3], wanted.held)
-    np.testing.assert_array_equal(decisions[:, 4], wanted.deadlock)
-    np.testing.assert_array_equal(decisions[:, 5], wanted.length)
-    np.testing.assert_allclose(found["states"], expected.state, rtol=0, atol=1e-9)
-    return found
+    answer = rtl_simulation.simulate(job, 2, variant)
+    found, cycles = answer["run"]
+    for name in ("s", "held", "deadlock", "length"):
+        wanted = getattr(expected.decisions, name)
+        np.testing.assert_array_equal(getattr(found.decisions, name), wanted)
+    np.testing.assert_allclose(found.state, expected.state, rtol=0, atol=1e-9)
+    return found, cycles, answer["bound"]

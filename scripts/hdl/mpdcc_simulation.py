@@ -11,19 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.mpdcc import tables
-from directmpc.mpdcc.coefficients import (
-    COEFFICIENTS,
-    OPTIONS,
-    inwards,
-    second_level,
-    weighted_deadlock,
-)
-from directmpc.mpdcc.formats import MEASUREMENTS
+from directmpc.mpdcc.coefficients import inwards, second_level, weighted_deadlock
 from directmpc.mpdcc.variants import FIELDS
 from directmpc.native import Design
 from scripts.hdl import converter_package, mpdcc_cosimulation, simulator
 from scripts.hdl import native as natives
 from scripts.hdl.clocks import clocks_of, worst_clocks
+from scripts.hdl.mpdcc_cosimulation import INPUTS, PORTS
 from scripts.hdl.mpdcc_job import Job
 from scripts.hdl.simulator import Answer
 from scripts.shared.tools import ROOT
@@ -35,10 +29,6 @@ EXPLORERS = range(1, 9)
 
 #: Explorers of the native library.
 NATIVE_EXPLORERS = 2
-
-#: Ports of parameters, and of what is sampled with start.
-PORTS = (*(f"c_{name}" for name in COEFFICIENTS), *OPTIONS)
-INPUTS = (*MEASUREMENTS, *(f"s_prev_{phase}" for phase in "abc"))
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
@@ -84,22 +74,21 @@ def simulate(
 ) -> Answer:
     """Run a job on the RTL."""
     if job.native:
-        work = mpdcc_cosimulation.closed_loop if job.loop is not None else mpdcc_cosimulation.replay
-        around = NativeBench(native_design(explorers, variant, job.registers), job.registers)
-        return natives.finished(work(around, job, progress or (lambda _: None)))
+        bench = NativeBench(native_design(explorers, variant, job.registers), job.registers)
+        return natives.finished(mpdcc_cosimulation.replay(bench, job, progress or (lambda _: None)))
     options = (
         second_level(job.registers),
         weighted_deadlock(job.registers),
         inwards(job.registers),
     )
-    bench = simulator.Bench(
+    around = simulator.Bench(
         ("mpdcc_core",),
         str(BENCH),
         "scripts.hdl.mpdcc_cosimulation",
         generics(explorers, variant, *options),
         rtl=str(converter_package.rtl_of(converter_package.converter_of(job.registers))),
     )
-    return simulator.simulate(job, bench, progress)
+    return simulator.simulate(job, around, progress)
 
 
 def generics(

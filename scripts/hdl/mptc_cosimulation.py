@@ -1,34 +1,36 @@
 """Runs ``mptc_core_bench`` for replay, the closed loop and the core's tests.
 
 Not a test itself: a cocotb module that reads a job file, feeds the RTL row by row and writes what
-it answered.  The job either holds recorded rows or a plant, whose state then decides the next row.
+it answered.  The job either holds recorded rows, or a closed loop that the core is to decide in.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import cocotb
 import numpy as np
+from cocotb.task import bridge, resume
 from cocotb.triggers import Timer, with_timeout
 
-from directmpc.mptc import bit_true
 from directmpc.mptc.coefficients import COEFFICIENTS
-from directmpc.mptc.errors import erring_sequence, erring_step, legs_at_rest, measure
 from directmpc.mptc.formats import MEASUREMENT_WIDTH, MEASUREMENTS, TIME_PORT_WIDTH, WORD_WIDTH
-from directmpc.mptc.sequence import TIME_STEPS, VectorSequence, segments
-from directmpc.speed_control import speed_pi
-from scripts.hdl.mptc_job import FAMILY_METHODS, FIELDS, Job
-from scripts.hdl.simulator import CLOCK_NS, Progress, load_job
+from directmpc.mptc.sequence import TIME_STEPS
+from scripts.hdl.mptc_job import FIELDS, Job
+from scripts.hdl.simulator import CLOCK_NS, Progress, load
 
+#: Ports of parameters, and of the sequence that is applied.
+PORTS = (*(f"c_{name}" for name in COEFFICIENTS), "method_mpfc")
+SEQUENCE = ("u1", "u2", "u3", "t1", "t2")
 _SEQUENCE_AT = MEASUREMENT_WIDTH * len(MEASUREMENTS) + 2  # bits of a row below the sequence
 _METHOD_AT = WORD_WIDTH * len(COEFFICIENTS) + 1  # bits of the parameters below the method
 _METHOD_WIDTH = 3  # of the method; above it the duty rule
 _PATIENCE_CLOCKS = 1_000  # several times the slowest decision: then the core hangs
 
 
-def pack_sequence(applied: np.ndarray) -> int:
+def pack_sequence(applied: Sequence[int] | np.ndarray) -> int:
     """A sequence as the bench takes it."""
     value = 0
     for index, number in enumerate(applied[:3]):
@@ -91,13 +93,13 @@ class Bench:
         self,
         measurement: np.ndarray,
         u: int,
-        applied: np.ndarray | None = None,
+        applied: Sequence[int] | np.ndarray | None = None,
         family_method: int = 0,
         duty_rule: int = 0,
     ) -> tuple[int, ...]:
         """One decision in the order of ``FIELDS``."""
         self.level ^= 1
-        sequence = np.array([u, u, u, TIME_STEPS, 0]) if applied is None else applied
+        sequence = (u, u, u, TIME_STEPS, 0) if applied is None else applied
         self.dut.row.value = pack_row(measurement, u) | pack_sequence(sequence) << _SEQUENCE_AT
         chosen = family_method | duty_rule << _METHOD_WIDTH
         self.dut.parameters.value = self.parameters | chosen << _METHOD_AT
@@ -132,67 +134,40 @@ async def replay(bench: Bench, job: Job, progress: Progress) -> dict[str, np.nda
     return {"decisions": out, "sequences": sequences}
 
 
-async def closed_loop(bench: Bench, job: Job, progress: Progress) -> dict[str, np.ndarray]:
-    """Let the RTL's decisions drive the plant, behind a speed controller where one is asked for.
+class Core:
+    """The bench as `directmpc.native.Design`, for a closed loop in a thread of its own."""
 
-    A loop of its own: the simulator runs on while a decision is awaited, and a `Controller` cannot
-    await.
-    """
-    loop = job.loop
-    assert loop is not None
-    steps = job.steps
-    out = np.empty((steps, len(FIELDS)), dtype=np.int64)
-    sequences = np.empty((steps, 5), dtype=np.int64)
-    seen, currents, legs = np.empty((steps, 8)), np.empty((steps, 2)), legs_at_rest()
-    current, flux, omega_r, integral = loop.current, loop.flux, loop.omega_r, 0.0
-    applied = np.array([0, 0, 0, TIME_STEPS, 0])
-    inside = np.empty(1, dtype=np.complex128), np.empty(1)
-    vectors, lengths = np.empty(7, dtype=np.int64), np.empty(7)
-    for k in range(steps):
-        wanted = float(loop.torque_ref[k])
-        if loop.use_speed:
-            gain, rate, limit = loop.gains
-            speed = omega_r / loop.plant.pole_pairs
-            asked, integral = speed_pi(
-                gain, rate, 1.0, loop.plant.ts, integral, loop.speed_ref[k], speed, limit
-            )
-            wanted += asked
-        measured = measure(loop.errors, k, current)
-        currents[k] = current.real, current.imag
-        seen[k] = (
-            measured.real, measured.imag, flux.real, flux.imag, omega_r, wanted, loop.psi_ref[k],
-            applied[0],
-        )  # fmt: skip
-        measurement, clipped = bit_true.encode_row(
-            loop.scales, loop.lows, loop.highs, measured, flux, omega_r, loop.vdc, wanted,
-            loop.psi_ref[k],
-        )  # fmt: skip
-        code = 0 if job.family_method is None else int(job.family_method[k])
-        rule = 0 if job.duty_rule is None else int(job.duty_rule[k])
-        out[k] = await bench.decide(measurement, applied[0], applied, code, rule)
-        out[k, 2] |= clipped
-        if code == 0:
-            current, flux, omega_r = erring_step(
-                loop.errors, k, legs, loop.plant, current, flux, omega_r, applied[0], loop.load[k]
-            )
-        else:
-            known = VectorSequence(*(int(u) for u in applied[:3]), *(applied[3:] / TIME_STEPS))
-            count = segments(known, code == FAMILY_METHODS["SVM"], vectors, lengths)
-            current, flux, omega_r = erring_sequence(
-                loop.errors, k, legs, loop.plant, current, flux, omega_r, vectors[:count],
-                lengths[:count], loop.load[k], *inside,
-            )  # fmt: skip
-        applied = sequences[k] = np.array(bench.sequence)
-        progress(k + 1)
-    return {"decisions": out, "sequences": sequences, "seen": seen, "current": currents}
+    def __init__(self, bench: Bench) -> None:
+        self._bench, self._given = bench, dict.fromkeys(("family_method", "duty_rule"), 0)
+
+    def give(self, values: Mapping[str, int]) -> None:
+        """Set ports by name."""
+        self._given |= values
+
+    async def _decide(self) -> tuple[int, ...]:
+        word = self._given
+        self._bench.load(np.array([word[name] for name in PORTS]))
+        applied = [word[name] for name in SEQUENCE] if "u1" in word else None
+        measurement = np.array([word[name] for name in MEASUREMENTS])
+        return await self._bench.decide(
+            measurement, word["u"], applied, word["family_method"], word["duty_rule"]
+        )
+
+    def decide(self) -> tuple[dict[str, int], int]:
+        """Words of the output ports, and the clocks of a decision."""
+        out = dict(zip(FIELDS, resume(self._decide)(), strict=True))
+        following = zip((f"next_{name}" for name in SEQUENCE), self._bench.sequence, strict=True)
+        return out | {"u_next": out["u"]} | dict(following), out["cycles"]
 
 
 @cocotb.test()
 async def run_job(dut) -> None:
     """Do what the job file says."""
-    job = load_job(Path(os.environ["DIRECTMPC_JOB"]))
+    job = load(Path(os.environ["DIRECTMPC_JOB"]))
     bench = Bench(dut)
     await bench.reset(job.registers)
-    progress = Progress(job.progress_path, max(1, job.steps // 200))
-    result = await (closed_loop if job.loop is not None else replay)(bench, job, progress)
-    np.savez(job.result_path, **result)
+    progress = Progress(job.progress_path)
+    if job.loop is None:
+        job.answer(await replay(bench, job, progress))
+    else:
+        job.answer(await bridge(job.closed_loop)(Core(bench), progress))

@@ -1,13 +1,13 @@
-"""What the RTL of ``mptc_core`` has to decide: rows, or a closed loop around a plant."""
+"""What the RTL of ``mptc_core`` has to decide: rows, or a closed loop around it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from directmpc.mptc.drive import SEQUENCE_METHODS
-from directmpc.mptc.errors import EXACT, CompiledErrors
-from directmpc.mptc.plant import PlantParameters
-from directmpc.mptc.trace import FloatArray, IntArray
+from directmpc.mptc.trace import IntArray
 from scripts.hdl import simulator
 
 #: Columns of a decision as the bench returns it.
@@ -17,28 +17,8 @@ FIELDS = ("u", "cycles", "saturated", "clamped", "switches")
 FAMILY_METHODS = {name: place for place, name in enumerate(SEQUENCE_METHODS, start=1)}
 
 
-@dataclass(frozen=True)
-class Loop:
-    """A plant with a shaft and a speed controller, for a closed loop around the RTL."""
-
-    plant: PlantParameters
-    #: (8,): formats of the measurements, as ``bit_true.parameters`` returns them.
-    scales: FloatArray
-    lows: FloatArray
-    highs: FloatArray
-    vdc: float  #: What the controller is told, V.
-    #: (n,): as in `closed_loop.Scenario`.
-    torque_ref: FloatArray
-    psi_ref: FloatArray
-    load: FloatArray
-    speed_ref: FloatArray
-    use_speed: bool  #: Whether the speed controller is in the loop.
-    gains: tuple[float, float, float]  #: Of the speed controller.
-    #: Plant state at the first step.
-    current: complex
-    flux: complex
-    omega_r: float  #: Electrical speed at the first step, rad/s.
-    errors: CompiledErrors = EXACT  #: Of sensors and switches; none unless given.
+def _none() -> IntArray:
+    return np.empty((0, 0), np.int64)
 
 
 @dataclass
@@ -47,10 +27,9 @@ class Job(simulator.Job):
 
     #: Of `Registers.array`, (n, 8) and (n,).
     registers: IntArray
-    measurements: IntArray
-    u: IntArray
+    measurements: IntArray = field(default_factory=_none)
+    u: IntArray = field(default_factory=_none)
     flux_control: bool = True  #: Generic of the core.
-    loop: Loop | None = None  #: Instead of rows.
     each_registers: IntArray | None = None  #: (n, 13): registers of each row.
     family: bool = False  #: Whether it is ``mptc_family_core``.
     family_method: IntArray | None = None  #: (n,): port `family_method` of each row; 0 without.
@@ -60,8 +39,3 @@ class Job(simulator.Job):
     #: (n, 10): decisions and sequences that are expected: the first row with others is the last
     #: one.
     wanted: IntArray | None = None
-
-    @property
-    def steps(self) -> int:
-        """Decisions to make."""
-        return len(self.loop.torque_ref) if self.loop is not None else len(self.measurements)

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from directmpc.mptc.coefficients import COEFFICIENTS
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.formats import MEASUREMENTS
 from directmpc.mptc.sequence import TIME_STEPS
@@ -16,15 +15,12 @@ from directmpc.mptc.trace import IntArray
 from directmpc.native import Design
 from scripts.hdl import mptc_cosimulation, simulator
 from scripts.hdl import native as natives
+from scripts.hdl.mptc_cosimulation import PORTS, SEQUENCE
 from scripts.hdl.mptc_job import FIELDS, Job
 from scripts.hdl.simulator import Answer
 from scripts.shared.tools import ROOT
 
 BENCH = ROOT / "scripts" / "hdl" / "mptc_core_bench.vhd"
-
-#: Ports of parameters, and of the sequence that is applied.
-PORTS = (*(f"c_{name}" for name in COEFFICIENTS), "method_mpfc")
-SEQUENCE = ("u1", "u2", "u3", "t1", "t2")
 
 
 def core_of(drive: MptcDrive) -> str:
@@ -71,8 +67,8 @@ def simulate(
 ) -> Answer:
     """Run a job on the RTL."""
     if job.native:
-        work = mptc_cosimulation.closed_loop if job.loop is not None else mptc_cosimulation.replay
-        return natives.finished(work(NativeBench(job), job, progress or (lambda _: None)))
+        work = mptc_cosimulation.replay(NativeBench(job), job, progress or (lambda _: None))
+        return natives.finished(work)
     bench = simulator.Bench(
         ("mptc_core", "mptc_family_core"),
         str(BENCH),

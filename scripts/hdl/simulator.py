@@ -39,9 +39,10 @@ PARALLEL_ROWS = 2000
 """A trace of more rows than this is worth a second simulator."""
 _POLL_S = 0.05
 _LOG_LINES = 30
+_TOLD = 20  # decisions from one note of progress to the next
 
 IntArray = NDArray[np.int64]
-Answer = dict[str, NDArray[np.float64] | IntArray]
+Answer = dict[str, Any]
 
 
 class SimulationError(ToolError):
@@ -62,6 +63,8 @@ class Job:
     waves: Path | None = field(default=None, kw_only=True)
     #: Whether the native library of the core decides, in place of GHDL.
     native: bool = field(default=False, kw_only=True)
+    #: In place of rows: a closed loop around a core, told what tells how far it is.
+    loop: Callable[[Any, Callable[[int], None]], Any] | None = field(default=None, kw_only=True)
 
     @property
     def progress_path(self) -> Path:
@@ -71,7 +74,16 @@ class Job:
     @property
     def result_path(self) -> Path:
         """File with the answers."""
-        return self.folder / "result.npz"
+        return self.folder / "result.pickle"
+
+    def closed_loop(self, core: Any, progress: Callable[[int], None]) -> Answer:
+        """Run `loop`: a bridge of cocotb takes no `functools.partial`."""
+        assert self.loop is not None
+        return {"run": self.loop(core, progress)}
+
+    def answer(self, result: Answer) -> None:
+        """Leave the answers for `simulate`."""
+        self.result_path.write_bytes(pickle.dumps(result))
 
     @property
     def waves_path(self) -> Path | None:
@@ -93,18 +105,17 @@ class Bench:
 class Progress:
     """Tells the parent process, from within the simulator, how far a job is."""
 
-    def __init__(self, path: Path, every: int) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
-        self.every = every
 
     def __call__(self, done: int) -> None:
         """Note that so many decisions are made."""
-        if done % self.every == 0:
+        if done % _TOLD == 0:
             self.path.write_text(str(done), encoding="ascii")
 
 
-def load_job(path: Path) -> Any:
-    """Read a job that this program has written."""
+def load(path: Path) -> Any:
+    """Read a job or its answers, which this program has written."""
     with path.open("rb") as stream:
         return pickle.load(stream)
 
@@ -151,8 +162,7 @@ def simulate(
         if job.waves is not None and job.waves_path is not None:
             with tools.replacing(job.waves) as temporary:
                 shutil.copyfile(job.waves_path, temporary)
-        with np.load(job.result_path) as data:
-            return {key: data[key] for key in data.files}
+        return load(job.result_path)  # type: ignore[no-any-return]
 
 
 def _wait(

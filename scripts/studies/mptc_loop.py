@@ -7,33 +7,34 @@ bit-true model on the states that the plant went through, and compared with the 
 
 from __future__ import annotations
 
+import functools
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.table import Table
 
+from directmpc.api.controllers import RtlController
 from directmpc.api.simulation import UNREACHED, plant_with
 from directmpc.host.console import progress_bar
-from directmpc.host.registers import duty_rule_word
 from directmpc.loads.load import CLARKE_INVERSE
 from directmpc.mptc import bit_true, bit_true_sequences, ideal, ideal_sequences
-from directmpc.mptc.closed_loop import RPM, Scenario, constant
+from directmpc.mptc.closed_loop import RPM, Scenario, constant, drive_controller
+from directmpc.mptc.closed_loop import Run as Loop
 from directmpc.mptc.coefficients import registers
 from directmpc.mptc.drive import MptcDrive
-from directmpc.mptc.errors import NO_ERRORS, MptcErrors, compiled_errors
-from directmpc.mptc.formats import MEASUREMENTS, measurement_formats
+from directmpc.mptc.errors import NO_ERRORS, MptcErrors
+from directmpc.mptc.formats import measurement_formats
 from directmpc.mptc.inverter import COMMUTATIONS, STATES
-from directmpc.mptc.machine import torque
 from directmpc.mptc.plant import plant_parameters
-from directmpc.mptc.sequence import TIME_STEPS
 from directmpc.mptc.trace import FloatArray, IntArray, MptcDecisions, MptcTrace
 from scripts.hdl import mptc_simulation
 from scripts.hdl import native as natives
-from scripts.hdl.mptc_job import FAMILY_METHODS, Job, Loop
+from scripts.hdl.mptc_job import Job
 from scripts.hdl.mptc_simulation import core_of
 from scripts.hdl.waves import Signal
 from scripts.shared.figures import COLOURS, counted, pyplot, save_png
@@ -127,42 +128,19 @@ def _scenario(drive: MptcDrive, point: Point, steps: int | None) -> Scenario:
     return replace(constant(drive, point.rpm, 0.0, point.flux, count), torque_ref=asked)
 
 
-def _on_rtl(
-    drive: MptcDrive, real: MptcDrive, scenario: Scenario, errors: MptcErrors, waves: Path | None
-) -> tuple[MptcTrace, FloatArray, MptcDecisions]:
-    """What the RTL saw, the current of the plant, and what it decided."""
-    count, several = len(scenario.torque_ref), drive.control.sequences
-    _, scales, lows, highs = bit_true.parameters(drive)
-    loop = Loop(
-        plant_parameters(real), scales, lows, highs, drive.inverter.vdc, scenario.torque_ref,
-        scenario.psi_ref, scenario.load, scenario.torque_ref, False, scenario.gains,
-        scenario.current, scenario.flux, scenario.omega_r,
-        compiled_errors(errors, drive, count),
-    )  # fmt: skip
-    empty = np.zeros((0, len(MEASUREMENTS)), dtype=np.int64)
-    method = np.full(count, FAMILY_METHODS[drive.control.method]) if several else None
-    rule = np.full(count, duty_rule_word(drive)) if several else None
-    job = Job(
-        registers(drive).array(), empty, empty[:, 0], loop=loop, family=several,
-        family_method=method, duty_rule=rule, waves=waves,
-        native=waves is None and natives.prefer(core_of(drive), count),
-    )  # fmt: skip
-    with progress_bar("RTL in closed loop", count) as progress:
-        answer = mptc_simulation.simulate(job, progress)
-    told, seen = np.asarray(answer["decisions"], dtype=np.int64), np.asarray(answer["seen"])
-    current = np.asarray(answer["current"])
-    made: IntArray = np.asarray(answer["sequences"], dtype=np.int64)
-    applied = np.vstack([[0, 0, 0, TIME_STEPS, 0], made[:-1]])
-    trace = MptcTrace(
-        seen[:, 0:2], seen[:, 2:4], *seen[:, 4:7].T, applied[:, 0],
-        *((applied[:, :3], applied[:, 3:] / TIME_STEPS) if several else ()),
-    )  # fmt: skip
-    flags = told[:, 2] | told[:, 3]
-    if several:
-        out = np.column_stack([made, flags])
-        no_flags = np.zeros(count, np.int64)
-        return trace, current, bit_true_sequences.decisions(out, no_flags, told[:, 1])
-    return trace, current, MptcDecisions(u=told[:, 0], cycles=told[:, 1], saturated=flags)
+def _around(
+    drive: MptcDrive,
+    real: MptcDrive,
+    scenario: Scenario,
+    errors: MptcErrors,
+    core: Any,
+    progress: Callable[[int], None],
+) -> tuple[Loop, list[int]]:
+    """The loop of a core in GHDL, or of its native library for None; clocks of its decisions."""
+    rtl = RtlController(drive, design=core)
+    plant = plant_parameters(real)
+    run = drive_controller(drive, rtl, scenario, plant=plant, errors=errors, progress=progress)
+    return run, rtl.cycles
 
 
 def simulate(
@@ -177,28 +155,32 @@ def simulate(
     factors = dict(factors or {})
     real = plant_with(drive, factors)
     scenario = _scenario(drive, point, steps)
-    several = drive.control.sequences
-    twin = bit_true_sequences.run if several else bit_true.run
+    several, count = drive.control.sequences, len(scenario.torque_ref)
+    around = functools.partial(_around, drive, real, scenario, errors)
     began = time.perf_counter()
-    trace, current, decisions = _on_rtl(drive, real, scenario, errors, waves)
-    expected = twin(drive, trace)
+    with progress_bar("RTL in closed loop", count) as progress:
+        if waves is None and natives.prefer(core_of(drive), count):
+            loop, cycles = around(None, progress)
+        else:
+            job = Job(registers(drive).array(), loop=around, family=several, waves=waves)
+            loop, cycles = mptc_simulation.simulate(job, progress)["run"]
+    trace, made = loop.trace, loop.decided
+    decisions = MptcDecisions(
+        made.vectors[:, 0], np.array(cycles), loop.saturated | loop.clamped,
+        *(made if several else ()),
+    )  # fmt: skip
+    expected = (bit_true_sequences if several else bit_true).run(drive, trace)
     other = np.any(_rows(decisions) != _rows(expected), axis=1)
     differing = int((other | (decisions.saturated != expected.saturated)).sum())
     seconds = time.perf_counter() - began
     wanted = (ideal_sequences.run if several else ideal.run)(drive, trace)
-    plant = plant_parameters(real)
     return Run(
         drive=drive,
         point=point,
         trace=trace,
-        current=current,
+        current=np.column_stack([loop.current.real, loop.current.imag]),
         decisions=decisions,
-        torque=np.array(
-            [
-                torque(plant, complex(*i), complex(*psi))
-                for i, psi in zip(current, trace.psi_s, strict=True)
-            ]
-        ),
+        torque=loop.torque,
         differing=differing,
         unlike_ideal=int(np.any(_rows(decisions)[:, :3] != _rows(wanted)[:, :3], axis=1).sum()),
         seconds=seconds,

@@ -6,40 +6,41 @@ model on the states that the plant went through, and compared with the ideal con
 
 from __future__ import annotations
 
+import functools
 import math
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
+from directmpc.api.controllers import Estimating, RtlController
 from directmpc.api.simulation import UNREACHED, plant_with
 from directmpc.host.console import progress_bar
 from directmpc.loads.load import CLARKE_INVERSE
 from directmpc.mpdcc import ideal, metrics, tables
 from directmpc.mpdcc.bit_true import common, fast
-from directmpc.mpdcc.capacitor_observer import CapacitorFilter
 from directmpc.mpdcc.closed_loop import (
     ClosedLoopResult,
     OperatingPoint,
+    Profile,
     constant_profile,
-    initial_conditions,
-    rippled,
+    drive_controller,
 )
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors, measured
+from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.formats import LENGTH_WIDTH, MEASUREMENTS
 from directmpc.mpdcc.leakage import LeakageEstimate
-from directmpc.mpdcc.observer import FluxObserver
-from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
-from directmpc.mpdcc.variants import VARIANTS, count_differences, decisions_of
+from directmpc.mpdcc.trace import Decisions
+from directmpc.mpdcc.variants import VARIANTS, count_differences
 from scripts.hdl import mpdcc_simulation
 from scripts.hdl import native as natives
 from scripts.hdl.clocks import worst_cycles
-from scripts.hdl.mpdcc_job import Job, Loop
+from scripts.hdl.mpdcc_job import Job
 from scripts.hdl.waves import Signal
 from scripts.shared import paper_a
 from scripts.shared.figures import COLOURS, counted, drive_title, in_si, pyplot, save_png
@@ -117,55 +118,25 @@ def simulate(
     period = 2 * math.pi / abs(speed * drive.ts_pu)
     count = steps if steps is not None else math.ceil(PERIODS * period)
     profile = constant_profile(drive, OperatingPoint(speed), count)
-    state, positions = initial_conditions(profile, leg=drive.converter)
-    iref = np.column_stack([profile.iref.real, profile.iref.imag])
-    # who has the core decide for k + 1 has a decision take effect then
-    delay = drive.control.delay_compensation
-    link = rippled(drive, profile, errors)
-    loop = Loop(
-        drive, state, positions, link, profile.omega_s, profile.omega_r, iref, delay, errors,
-        real, flux_observer,
-    )  # fmt: skip
+    around = functools.partial(_around, drive, variant, profile, count, real, errors, flux_observer)
     values = VARIANTS[variant].registers(drive).array()
     design = mpdcc_simulation.native_design(explorers, variant, values)
     native = waves is None and design != "" and natives.prefer(design, count)
     began = time.perf_counter()
     with progress_bar("RTL in closed loop", count) as progress:
-        empty = np.empty((0, 0), np.int64)
-        job = Job(values, empty, empty, loop=loop, waves=waves, native=native)
-        answer = mpdcc_simulation.simulate(job, explorers, variant, progress)
+        if native:
+            result = around(None, progress)
+        else:
+            job = Job(values, loop=around, waves=waves)
+            result = mpdcc_simulation.simulate(job, explorers, variant, progress)["run"]
     seconds = time.perf_counter() - began
-    decided = np.asarray(answer["decisions"], dtype=np.int64)
-    states = np.asarray(answer["states"], dtype=np.float64)
-    applied = np.vstack([positions, decided[:, 0:3]])
-    before = applied[:-1]  # s(k-1), or with the delay what is applied while the core decides
-    if delay:
-        applied = np.vstack([positions, before])
-    # filters and observer stand in front of the core here too
-    sensed = CapacitorFilter(drive).rows(measured(errors, states[:-1]), applied[:-1])
-    if flux_observer:
-        observer = FluxObserver(drive, complex(*state[:2]), complex(*state[2:4]))
-        sensed[1:] = observer.rows(sensed[1:], link[1:], profile.omega_r[1:], applied[1:-1])
-    seen = MpdccTrace(
-        sensed[:, :4], sensed[:, 4:], link, iref, profile.omega_s, profile.omega_r, before
-    )
-    decisions = decisions_of(decided, np.zeros(count, np.int64))
+    result = replace(result, shadow=ideal.run(drive, result.seen))
     return Run(
         drive=drive,
         explorers=explorers,
         variant=variant,
-        result=ClosedLoopResult(
-            ts=drive.ts_pu,
-            state=states,
-            positions=applied,
-            shown=sensed,
-            seen=seen,
-            decisions=decisions,
-            shadow=ideal.run(drive, seen),
-            profile=profile,
-            leg=drive.converter,
-        ),
-        differing=count_differences(decisions, _of_model(drive, variant, seen, applied)),
+        result=result,
+        differing=count_differences(result.decisions, _of_model(drive, variant, result)),
         seconds=seconds,
         factors=factors,
         flux_observer=flux_observer,
@@ -173,8 +144,30 @@ def simulate(
     )
 
 
-def _of_model(drive: Drive, variant: str, seen: MpdccTrace, applied: IntArray) -> Decisions:
+def _around(
+    drive: Drive,
+    variant: str,
+    profile: Profile,
+    steps: int,
+    real: Drive,
+    errors: DriveErrors,
+    flux_observer: bool,
+    core: Any,
+    progress: Callable[[int], None],
+) -> ClosedLoopResult:
+    """The loop of a core in GHDL, or of its native library for None."""
+    rtl = RtlController(drive, variant, core)
+    result = drive_controller(
+        drive, Estimating(rtl) if drive.control.leakage_estimate else rtl, profile, steps,
+        plant_drive=real, delay=drive.control.delay_compensation, errors=errors,
+        flux_observer=flux_observer, progress=progress,
+    )  # fmt: skip
+    return replace(result, decisions=replace(result.decisions, cycles=np.array(rtl.cycles)))
+
+
+def _of_model(drive: Drive, variant: str, result: ClosedLoopResult) -> Decisions:
     """Decisions of the bit-true model, with the estimate of the leakage where the drive has it."""
+    seen, applied = result.seen, result.positions
     if not drive.control.leakage_estimate:
         return VARIANTS[variant].run(drive, seen)
     given = VARIANTS[variant].registers(drive).array()

@@ -11,9 +11,11 @@ Does not prove: the figures it prints (see the tests of the model).
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -491,10 +493,10 @@ def test_the_rtl_makes_the_loop_of_the_two_level_model(
     point = mptc_loop.Point.of(drive, 900.0)
     answers = []
 
-    def told(*arguments: object) -> dict[str, np.ndarray]:
+    def told(*arguments: object) -> dict[str, Any]:
         if not answers:
             answers.append(simulated(*arguments))
-        return {name: part.copy() for name, part in answers[0].items()}
+        return copy.deepcopy(answers[0])
 
     simulated = mptc_simulation.simulate
     monkeypatch.setattr(mptc_simulation, "simulate", told)
@@ -507,14 +509,14 @@ def test_the_rtl_makes_the_loop_of_the_two_level_model(
     np.testing.assert_allclose(found.torque, wanted.torque, atol=1e-9)
     assert found.unlike_ideal == (wanted.u != wanted.shadow).sum()
     # one falsified answer of the RTL, in the vector or in a flag, is seen and fails the command
-    for column in (0, 2):
-        simulated_decisions = answers[0]["decisions"]
-        simulated_decisions[7, column] ^= 1
+    answered = answers[0]["run"][0]
+    for column in (answered.decided.vectors[:, 0], answered.saturated):
+        column[7] ^= 1
         assert mptc_loop.simulate(drive, point, 40).differing == 1
         given = ["--drive", str(TWO_LEVEL), "--speed", "900", "--steps", "40"]
         assert run.COMMAND.main([*given, "--out", str(tmp_path / "run.png")]) == 1
         assert "1 of 40 decisions of the RTL differ" in capsys.readouterr().err
-        simulated_decisions[7, column] ^= 1
+        column[7] ^= 1
 
 
 @pytest.mark.parametrize("method", ["MPFC", "SVM"])

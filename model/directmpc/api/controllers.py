@@ -170,6 +170,8 @@ class RtlController:
         What it is set up for; of either kind.
     variant : str
         "fast" or "paper"; MPDCC alone has variants.
+    design : Design, optional
+        An instance of the core; a native library of its own if not given.
 
     Attributes
     ----------
@@ -190,15 +192,18 @@ class RtlController:
     """
 
     def __init__(
-        self, drive: Drive | KbestDrive | MptcDrive, variant: str = DEFAULT_VARIANT
+        self,
+        drive: Drive | KbestDrive | MptcDrive,
+        variant: str = DEFAULT_VARIANT,
+        design: Any = None,
     ) -> None:
         check_engine("rtl", variant)
         self.drive, self._kind = drive, served_by(drive, "rtl")
         self.cycles: list[int] = []
         self.words: list[int] = []
-        name, parameters, self._given = self._kind.core(drive, variant)
+        parameters, self._given = self._kind.core(drive, variant)
         self._places, self._encode = list(parameters), self._kind.encoder(drive)
-        self.design = Design(name)
+        self.design = design or Design(self._kind.library(drive, variant))
         self.design.give(parameters)
 
     def decide(self, state: State | Mapping[str, Any]) -> Decision:
@@ -247,6 +252,24 @@ class RtlController:
         ports = parameters.tolist()[: len(self._places)]  # what is built in is none
         self.design.give(dict(zip(self._places, ports, strict=True)))
         return saturated
+
+
+class Estimating:
+    """A core of MPDCC with the bit-true estimate of the leakage beside it, as a system has it."""
+
+    def __init__(self, core: RtlController) -> None:
+        self._core, self._estimate = core, LeakageEstimate(core.drive)
+        self._delayed = core.drive.control.delay_compensation
+        self._before: tuple[int, ...] = ()
+
+    def decide(self, state: State | Mapping[str, Any]) -> Decision:
+        """Scale the slopes, decide, estimate anew."""
+        self._core.scale(self._estimate)
+        decision = self._core.decide(state)
+        applied = tuple(state.applied)
+        self._estimate.step(self._core.words, (self._delayed and self._before) or applied)
+        self._before = applied
+        return decision
 
 
 def compiled_controller(

@@ -132,8 +132,11 @@ class _Kind(Protocol):
     def decide(self, drive: Any, function: Any, parameters: Any, state: Any) -> Decision:
         """Call a compiled function with the values of a state."""
 
-    def core(self, drive: Any, variant: str) -> tuple[str, dict[str, int], Any]:
-        """Entity of the core, words of its parameter ports, and registers where they are scaled."""
+    def library(self, drive: Any, variant: str) -> str:
+        """Name of the core's native library."""
+
+    def core(self, drive: Any, variant: str) -> tuple[dict[str, int], Any]:
+        """Words of the core's parameter ports, and registers where they are scaled."""
 
     def encoder(self, drive: Any) -> Encoder:
         """What makes the core's input of a state."""
@@ -259,11 +262,15 @@ class _FiveLevelKind:
         apply = (int(s_a), int(s_b), int(s_c))
         return MpdccDecision(apply, bool(held), bool(deadlock), int(length), bool(saturated))
 
-    def core(self, drive: Drive, variant: str) -> tuple[str, dict[str, int], Any]:
+    def library(self, drive: Drive, variant: str) -> str:
         """As of `Kind`."""
         only_default(drive)
+        return "mpdcc_core" + "_paper" * (variant == "paper")
+
+    def core(self, drive: Drive, variant: str) -> tuple[dict[str, int], Any]:
+        """As of `Kind`."""
         given = VARIANTS[variant].registers(drive)
-        return "mpdcc_core" + "_paper" * (variant == "paper"), given.ports(), given.array()
+        return given.ports(), given.array()
 
     def encoder(self, drive: PerUnitDrive) -> Encoder:
         """As of `Kind`."""
@@ -399,19 +406,19 @@ class _TwoLevelKind:
             raise StateError(TOO_LARGE)
         return MptcDecision(chosen, bool(saturated), bool(clamped))
 
-    def core(self, drive: MptcDrive, variant: str) -> tuple[str, dict[str, int], Any]:
+    def library(self, drive: MptcDrive, variant: str) -> str:
+        """As of `Kind`."""
+        return "mptc_family_core" if drive.control.sequences else "mptc_core"
+
+    def core(self, drive: MptcDrive, variant: str) -> tuple[dict[str, int], Any]:
         """As of `Kind`."""
         chosen = mptc_coefficients.registers(drive).ports()
         parameters = {n: v for n, v in chosen.items() if n.startswith("c_")}
         parameters["method_mpfc"] = int(drive.control.method == "MPFC")
-        if not drive.control.sequences:
-            return "mptc_core", parameters, None
-        _, method, rule, *_ = bit_true_sequences.parameters(drive)
-        return (
-            "mptc_family_core",
-            parameters | {"family_method": method + 1, "duty_rule": rule},
-            None,
-        )
+        if drive.control.sequences:
+            _, method, rule, *_ = bit_true_sequences.parameters(drive)
+            parameters |= {"family_method": method + 1, "duty_rule": rule}
+        return parameters, None
 
     def encoder(self, drive: MptcDrive) -> Encoder:
         """As of `Kind`."""

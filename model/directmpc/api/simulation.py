@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from directmpc.api.controllers import (
     ENGINES,
+    Estimating,
     RtlController,
     check_engine,
     compiled_controller,
@@ -33,7 +34,6 @@ from directmpc.mpdcc.closed_loop import ClosedLoopResult, OperatingPoint
 from directmpc.mpdcc.drive import Drive, PerUnitDrive
 from directmpc.mpdcc.errors import DriveErrors
 from directmpc.mpdcc.formats import CURRENT, FLUX
-from directmpc.mpdcc.leakage import LeakageEstimate
 from directmpc.mpdcc.variants import DEFAULT_VARIANT
 from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc import trace as mptc_trace
@@ -42,7 +42,7 @@ from directmpc.mptc.errors import MptcErrors
 from directmpc.mptc.plant import PlantParameters, plant_parameters, slip
 from directmpc.mptc.sensorless import SensorlessController
 from directmpc.mptc.sensorless import simulate as simulate_sensorless
-from directmpc.states import Controller, Decision, State
+from directmpc.states import Controller
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -318,7 +318,7 @@ def simulate(
     if isinstance(controller, RtlController):
         core = controller
         if estimate:
-            controller = _Estimating(core)
+            controller = Estimating(core)
     result = _RUN[drive.controller](
         drive,
         controller,
@@ -416,25 +416,6 @@ def unreached(result: SimulationResult, torque: float | None) -> str:
         f"the mean {what} of the last period is {mean:.3g} {unit}, {asked:.3g} {unit} was asked: "
         "the drive cannot make it there, or a value of the drive is wrong"
     )
-
-
-class _Estimating:
-    """A core of MPDCC with the bit-true estimate of the leakage beside it, as a system has it."""
-
-    def __init__(self, core: RtlController) -> None:
-        self._core, self._estimate = core, LeakageEstimate(core.drive)
-        self._delayed = core.drive.control.delay_compensation
-        self._before: tuple[int, ...] = (0, 0, 0)
-
-    def decide(self, state: State | Mapping[str, Any]) -> Decision:
-        """Scale the slopes, decide, estimate anew."""
-        self._core.scale(self._estimate)
-        decision = self._core.decide(state)
-        self._estimate.step(
-            self._core.words, self._before if self._delayed else tuple(state.applied)
-        )
-        self._before = tuple(state.applied)
-        return decision
 
 
 def _errors_of(drive: Drive | KbestDrive | MptcDrive, kind: Kind, errors: Any) -> Any:

@@ -182,10 +182,6 @@ class CapacitorFilter:
         self.state = np.zeros(STATE_WORDS, dtype=np.int64)
         self.first_row = tables.base_of(drive.inverter.topology)
 
-    def row(self, x: NDArray[np.float64], s: IntArray) -> None:
-        """One step per unit, in place, as ``step_row``."""
-        step_row(self.coefficient, self.state, x, np.asarray(s, dtype=np.int64) + self.first_row)
-
     def voltages(self, words: Sequence[int], s: Sequence[int]) -> list[float]:
         """One step on words of the core's ports: v_n, v_ph_a, v_ph_b, v_ph_c, per unit.
 
@@ -197,12 +193,6 @@ class CapacitorFilter:
         found = step_words(self.coefficient, self.state, m, positions, self.delayed)
         return [float(word) / float(scale) for word, scale in zip(found, _SCALES[2:], strict=False)]
 
-    def rows(self, x: NDArray[np.float64], s: IntArray) -> NDArray[np.float64]:
-        """A copy of rows (n, 8) with filtered voltages; s (n, 3) was applied until each of them."""
-        found = x.copy()
-        for row, positions in zip(found, s, strict=True):
-            self.row(row, positions)
-        return found
 
 
 class IdealState(NamedTuple):

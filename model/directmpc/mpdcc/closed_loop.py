@@ -620,13 +620,15 @@ def drive_controller(
     flux_observer: bool = False,
     progress: Callable[[int], None] | None = None,
     outer: _OuterLoop | None = None,
+    begin: tuple[FloatArray, IntArray] | None = None,
 ) -> ClosedLoopResult:
     """Run any controller in closed loop with the exact plant, step by step in Python.
 
     It is asked with an `MpdccState`. `plant_drive` is the plant's where it differs, with the
     drive's ts. `checked` refuses a transition that the inverter does not have. `filtered` is false
     where a board has filters of its own. `progress` is told the number of decisions, `outer` makes
-    references and speed as the run goes on. StateError if an answer is no decision.
+    references and speed as the run goes on. `begin` is the state and the positions before the first
+    step, by default those of `initial_conditions`. StateError if an answer is no decision.
     """
     total, leg = settle + steps, drive.converter
     real, made = plant_drive or drive, 0
@@ -660,7 +662,7 @@ def drive_controller(
             *decision.apply, decision.held, decision.deadlock, decision.length, decision.saturated,
         )  # fmt: skip
 
-    state, applied = initial_conditions(profile, leg=leg)
+    state, applied = (x.copy() for x in begin or initial_conditions(profile, leg=leg))
     filters = CapacitorFilter(drive if filtered else drive.with_control(capacitor_filter=0))
     return _run(
         drive, profile, settle, total, (_decide, 0, _no_shadow, 0, _ask, outer, _as_given), state,

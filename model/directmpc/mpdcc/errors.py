@@ -138,14 +138,6 @@ def measure(given, k, state, seen):
             seen[j] = np.rint(seen[j] / given.lsb[j]) * given.lsb[j]
 
 
-def measured(errors: DriveErrors, states: FloatArray, first: int = 0) -> FloatArray:
-    """What the sensors say of states (n, 8) per unit, the first at control step `first`."""
-    given, seen = sensors(errors, first + len(states)), np.empty_like(states)
-    for k in range(len(states)):
-        measure(given, first + k, states[k], seen[k])
-    return seen
-
-
 @njit
 def switched_step(dead, rest, state, before, after, omega_r, vdc):
     """Advance the plant (8,), per unit, by a period that begins with a dead time, in place."""

@@ -26,7 +26,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from directmpc.compiled import njit
 from directmpc.fixed_point import encode_row, limits, rounded
@@ -232,34 +231,6 @@ def step_row(coefficient, state, x, vdc, omega_r, s):
     m, _ = encode_row(real, _SCALES, _LOWS, _HIGHS)
     a, b, _ = step_words(coefficient, state, m, s)
     x[2], x[3] = a / _FLUX_UNIT, b / _FLUX_UNIT
-
-
-class FluxObserver:
-    """The observer of a drive, step by step, bit-true; it begins with current and flux per unit."""
-
-    def __init__(self, drive: PerUnitDrive, current: complex, flux: complex) -> None:
-        words, _ = coefficients(drive)
-        self.coefficient = array(words)
-        self.state = state_of(drive.machine, current, flux)
-        self.first_row = tables.base_of(drive.inverter.topology)
-
-    def row(self, x: NDArray[np.float64], vdc: float, omega_r: float, s: IntArray) -> None:
-        """One step per unit, in place, as ``step_row``."""
-        row = np.asarray(s, dtype=np.int64) + self.first_row
-        step_row(self.coefficient, self.state, x, vdc, omega_r, row)
-
-    def rows(
-        self,
-        x: NDArray[np.float64],
-        vdc: NDArray[np.float64],
-        omega_r: NDArray[np.float64],
-        s: IntArray,
-    ) -> NDArray[np.float64]:
-        """A copy of rows (n, 8) with the observer's flux; s (n, 3) as of ``step_row``."""
-        found = x.copy()
-        for row, v, omega, positions in zip(found, vdc, omega_r, s, strict=True):
-            self.row(row, float(v), float(omega), positions)
-        return found
 
 
 class IdealState(NamedTuple):

@@ -24,7 +24,7 @@ from scripts.hdl.mpdcc_cosimulation import (
     pack_row,
     unpack_response,
 )
-from scripts.hdl.simulator import CLOCK_NS, load_job
+from scripts.hdl.simulator import CLOCK_NS, load
 
 
 class ResetBench(Bench):
@@ -94,7 +94,7 @@ class ResetBench(Bench):
 @cocotb.test()
 async def run_job(dut) -> None:
     """Abort a decision, then make one; as often as there are rows."""
-    job = load_job(Path(os.environ["DIRECTMPC_JOB"]))
+    job = load(Path(os.environ["DIRECTMPC_JOB"]))
     aborts = np.load(os.environ["DIRECTMPC_ABORTS"])
     bench = ResetBench(dut, job.registers)
     await bench.reset()
@@ -123,4 +123,4 @@ async def run_job(dut) -> None:
         out[k] = await bench.answer()
     await bench.quiet(100)
     assert bench.valids == len(out) + (early[:, 0] >= 0).sum()
-    np.savez(job.result_path, bound=dut.bound.value.to_unsigned(), decisions=out, early=early)
+    job.answer({"bound": dut.bound.value.to_unsigned(), "decisions": out, "early": early})

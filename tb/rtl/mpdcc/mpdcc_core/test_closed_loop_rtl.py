@@ -34,17 +34,16 @@ def test_the_rtl_in_closed_loop_is_the_model_in_closed_loop(variant: str) -> Non
         STEPS,
         seed=3,
     )
-    found = core.in_closed_loop(drive, array, variant, expected)
-    decisions = found["decisions"]
-    assert len(decisions) == STEPS
+    found, cycles, bound = core.in_closed_loop(drive, variant, expected)
+    assert len(found) == STEPS
 
-    searched = int((decisions[:, 3] == 0).sum())
+    searched = int((found.decisions.held == 0).sum())
     assert 20 <= searched <= STEPS // 2
-    assert decisions[:, 6].max() <= int(found["bound"])
+    assert max(cycles) <= bound
     iref = np.column_stack([expected.profile.iref.real, expected.profile.iref.imag])
-    error = np.abs(found["states"][:STEPS, :2] - iref)
+    error = np.abs(found.state[:STEPS, :2] - iref)
     assert error.max() < 2 * drive.control.bound_current
-    assert np.abs(found["states"][:, 4]).max() < 2 * drive.control.bound_vn
-    assert np.abs(found["states"][:, 5:] - 0.5).max() < 2 * drive.control.bound_vph
+    assert np.abs(found.state[:, 4]).max() < 2 * drive.control.bound_vn
+    assert np.abs(found.state[:, 5:] - 0.5).max() < 2 * drive.control.bound_vph
     distortion = metrics.summarise(drive, expected).thd_mean
     assert 0.03 < distortion < 0.12

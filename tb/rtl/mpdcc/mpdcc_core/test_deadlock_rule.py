@@ -106,7 +106,7 @@ def test_the_rtl_in_closed_loop_is_the_model_in_closed_loop(horizon: str) -> Non
     expected = closed_loop.simulate(
         drive, bit_true_fast.decide, array, OperatingPoint(0.2), steps, settle=400, seed=0
     )
-    core.in_closed_loop(drive, array, "fast", expected)
+    core.in_closed_loop(drive, "fast", expected)
     assert expected.decisions.deadlock.sum() >= (5 if horizon == "SE" else 1)
 
 

@@ -20,16 +20,13 @@ import numpy as np
 import pytest
 
 from directmpc import motulator
-from directmpc.mptc import bit_true, closed_loop
+from directmpc.mptc import closed_loop
 from directmpc.mptc import drive_twin as joined
 from directmpc.mptc.closed_loop import RPM
-from directmpc.mptc.coefficients import registers
-from directmpc.mptc.plant import plant_parameters
 from directmpc.states import MptcState
 from scripts.hdl import mptc_drive_loop as rtl_loop
-from scripts.hdl import mptc_job
-from scripts.hdl import mptc_simulation as rtl_simulation
 from scripts.hdl.simulator import SimulationError
+from scripts.studies import mptc_loop
 from tb.helpers import mptc_rows as core
 
 INERTIA = 0.002  # kg*m^2
@@ -93,18 +90,10 @@ def test_torque_step_rises_in_less_than_a_millisecond(method: str) -> None:
 
 def test_loop_in_ghdl_is_the_twins() -> None:
     drive = core.shipped("motulator_2kw2")
-    n = 150
-    scenario = closed_loop.constant(drive, 900.0, 7.0, 0.95, n)
-    _, scales, lows, highs = bit_true.parameters(drive)
-    values = registers(drive).array()
-    loop = mptc_job.Loop(
-        plant_parameters(drive), scales, lows, highs, drive.inverter.vdc, scenario.torque_ref,
-        scenario.psi_ref, scenario.load, scenario.torque_ref, False, scenario.gains,
-        scenario.current, scenario.flux, scenario.omega_r,
-    )  # fmt: skip
-    nothing = np.zeros((0, 8), dtype=np.int64)
-    job = mptc_job.Job(values, nothing, np.zeros(0, dtype=np.int64), loop=loop)
-    answer = rtl_simulation.simulate(job)
+    point = mptc_loop.Point(900.0, 7.0, 0.95)
+    found = mptc_loop.simulate(drive, point, 150)
+    scenario = closed_loop.constant(drive, 900.0, 0.0, 0.95, 150)
+    scenario = replace(scenario, torque_ref=found.trace.torque_ref)
     wanted = closed_loop.simulate(drive, scenario)
-    np.testing.assert_array_equal(answer["decisions"][:, 0], wanted.u)
-    np.testing.assert_array_equal(answer["seen"][:, :2], wanted.trace.i_s)
+    np.testing.assert_array_equal(found.decisions.u, wanted.u)
+    np.testing.assert_array_equal(found.trace.i_s, wanted.trace.i_s)
