@@ -194,7 +194,6 @@ class CapacitorFilter:
         return [float(word) / float(scale) for word, scale in zip(found, _SCALES[2:], strict=False)]
 
 
-
 class IdealState(NamedTuple):
     """Voltages v_n, v_ph_a, v_ph_b, v_ph_c and currents a, b, c at k, per unit."""
 
