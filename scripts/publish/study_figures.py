@@ -1,7 +1,7 @@
 """Figures of studies and bitstreams as sections of reports/metrics.json, from reports/ alone.
 
-Each section has what the tables of its page state, before it is rounded for them. It is None where
-a page says "lost" or shows a dash.
+Each section has what the tables of its page state, before it is rounded for them, None where a page
+shows a dash. Figures that are a file's rows stand in that file alone.
 """
 
 from __future__ import annotations
@@ -16,8 +16,6 @@ from typing import Any
 import numpy as np
 
 from scripts.hdl import states
-from scripts.publish import newcomer, stored_figures
-from scripts.publish.stored_figures import put
 from scripts.shared import rows as stored_rows
 from scripts.shared import tables
 from scripts.shared.tools import ROOT
@@ -46,6 +44,14 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, float):
         return float(f"{value:.9g}") if math.isfinite(value) else None
     return value
+
+
+def put(section: Section, path: Iterable[object], figures: Mapping[str, Any]) -> None:
+    """Put figures where a path of keys leads."""
+    inner = section
+    for key in map(str, path):
+        inner = inner.setdefault(key, {})
+    inner.update(figures)
 
 
 def _mean(chosen: Iterable[Mapping[str, Any]], name: str) -> float:
@@ -345,9 +351,8 @@ EXCESS = ("excess_current", "excess_vn", "excess_vph")
 
 
 def of_deadlocks(reports: Path = REPORTS) -> Section:
-    """Rules for deadlocks, and what happens in one."""
+    """Rules for deadlocks."""
     found = tables.numbers(tables.read_csv(reports / "deadlocks.csv.gz"), ["case", "horizon"])
-    steps = tables.numbers(tables.read_csv(reports / "deadlock_steps.csv"), ["horizon"])
     section: Section = {}
 
     def _worst(chosen: Sequence[Mapping[str, Any]]) -> dict[str, float]:
@@ -386,24 +391,6 @@ def of_deadlocks(reports: Path = REPORTS) -> Section:
             figures |= {key: float(mean), f"{key}_interval": float(half)}
         place = ("points", kind, speed, bound, deadlocks.BUILT_IN[name])
         put(section, place, figures | _worst(chosen))
-    for row in steps:
-        place = ("steps", row["horizon"], row["speed"], row["bound"])
-        put(
-            section, place, {k: v for k, v in row.items() if k not in ("horizon", "speed", "bound")}
-        )
-    return section
-
-
-# --- sensorless -----------------------------------------------------------------------------------
-
-
-def of_sensorless(reports: Path = REPORTS) -> Section:
-    """Drives without a speed sensor."""
-    section: Section = {}
-    for row in tables.read_csv(reports / "sensorless.csv.gz"):
-        place = (f"{float(row['rpm']):g} r/min", f"{float(row['load']):g} N m")
-        value = {row["quantity"]: float(row["value"])}
-        put(section, (row["study"], row["case"], *place), value)
     return section
 
 
@@ -443,23 +430,14 @@ def of_capacitor_bounds(reports: Path = REPORTS) -> Section:
     return section
 
 
-def of_newcomer(reports: Path = REPORTS) -> Section:
-    """First steps on a bare machine."""
-    found = json.loads((reports / newcomer.TIMES.name).read_text(encoding="utf-8"))["newcomer"]
-    return {"cores": found["cores"], "seconds": found["seconds"]}
-
-
 SECTIONS: dict[str, Callable[[Path], Section]] = {
     "boards": of_boards,
-    "newcomer": of_newcomer,
     "robustness": of_robustness,
     "pwm": of_pwm,
     "capacitor_bounds": of_capacitor_bounds,
     "bounds": of_bounds,
     "lengths": of_lengths,
     "deadlocks": of_deadlocks,
-    "sensorless": of_sensorless,
-    **stored_figures.SECTIONS,
 }
 """Key of metrics.json -> what makes it."""
 

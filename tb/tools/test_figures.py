@@ -60,13 +60,8 @@ MARKS = re.compile(r"(<!-- ([\w, -]+): begin[^\n]*-->\n)(.*?)(\n<!-- \2: end -->
 
 
 @functools.cache
-def metrics() -> dict[str, Any]:
-    return json.loads((REPORTS / "metrics.json").read_text(encoding="utf-8"))
-
-
-@functools.cache
-def fidelity() -> dict[str, Any]:
-    return json.loads((REPORTS / "fidelity.json").read_text(encoding="utf-8"))
+def reported(name: str) -> dict[str, Any]:
+    return json.loads((REPORTS / f"{name}.json").read_text(encoding="utf-8"))
 
 
 def csv_rows(name: str) -> list[dict[str, Any]]:
@@ -140,13 +135,13 @@ def of_mptc(
         if one is None:
             shutil.copyfile(source, path)
         chosen.append(path)
-    mptc_report.write_texts(metrics()["mptc"], *chosen)
+    mptc_report.write_texts(reported("metrics")["mptc"], *chosen)
 
 
 def figures(page: Path) -> None:
     readme = page.with_name("readme-copy.md")
     shutil.copyfile(ROOT / "README.md", readme)
-    report.write_tables(metrics(), page, readme)
+    report.write_tables(reported("metrics"), page, readme)
     of_mptc(page.parent, page=page)
 
 
@@ -158,7 +153,7 @@ def resources(page: Path) -> None:
 def readme(page: Path) -> None:
     other = page.with_name("figures-copy.md")
     shutil.copyfile(DOCS / "figures.md", other)
-    report.write_tables(metrics(), other, page)
+    report.write_tables(reported("metrics"), other, page)
 
 
 def protocol(page: Path) -> None:
@@ -326,7 +321,7 @@ def shipped(remedy: str, figure: str = "fsw_change_pct") -> list[float]:
     """A figure of a remedy on both drives, at every bound and point."""
     return [
         point[figure]
-        for by_bound in metrics()["robustness"]["shipped"].values()
+        for by_bound in reported("metrics")["robustness"]["shipped"].values()
         for by_remedy in by_bound.values()
         for point in by_remedy[remedy].values()
     ]
@@ -375,7 +370,7 @@ def plants(plant: str, controller: str, figure: str) -> list[float]:
     """A figure of plants whose names begin so, on both drives, at every point."""
     return [
         point[figure]
-        for by_plant in metrics()["robustness"]["mismatch"].values()
+        for by_plant in reported("metrics")["robustness"]["mismatch"].values()
         for name, by_controller in by_plant.items()
         if name.startswith(plant) and controller in by_controller
         for point in by_controller[controller].values()
@@ -387,7 +382,7 @@ def two_level(case: str, figure: str, part: str = "median") -> list[float]:
     return [
         one[figure][part]
         for method in ("MPTC", "MPFC")
-        for name, one in metrics()["robustness"]["mptc"][method].items()
+        for name, one in reported("metrics")["robustness"]["mptc"][method].items()
         if name.startswith(case)
     ]
 
@@ -396,7 +391,7 @@ def ideal_ratios(speed: str) -> list[float]:
     """THD of SE and SESE over that of PWM where capacitor voltages do not move."""
     return [
         point[f"{scheme}_thd_pct"] / point["pwm_thd_pct"]
-        for by_speed in metrics()["pwm"]["ideal"].values()
+        for by_speed in reported("metrics")["pwm"]["ideal"].values()
         for point in by_speed[speed].values()
         for scheme in ("se", "sese")
         if point[f"{scheme}_thd_pct"] is not None
@@ -405,12 +400,12 @@ def ideal_ratios(speed: str) -> list[float]:
 
 def wide() -> dict[str, float]:
     """The 6 kV drive at rated speed and 212 Hz, capacitor bounds as wide as the ripple of PWM."""
-    return metrics()["pwm"]["equal"]["anpc5l_6kv"]["1.0"]["12"]
+    return reported("metrics")["pwm"]["equal"]["anpc5l_6kv"]["1.0"]["12"]
 
 
 def of_bounds(pair: str, low: bool) -> list[float]:
     """Change of f_sw, %, from 0.05 and 0.08 pu to other bounds of the capacitors, noise 1."""
-    found = metrics()["capacitor_bounds"]
+    found = reported("metrics")["capacitor_bounds"]
     return [
         100 * (by[pair]["1.0"][speed]["fsw_hz"] / point["fsw_hz"] - 1)
         for by_horizon in found.values()
@@ -422,32 +417,32 @@ def of_bounds(pair: str, low: bool) -> list[float]:
 
 def swings() -> list[float]:
     """Largest v_ph of PWM at 0.6 pu."""
-    equal = metrics()["pwm"]["equal"]
+    equal = reported("metrics")["pwm"]["equal"]
     return [point["vph_pu"] for by in equal.values() for point in by["0.6"].values()]
 
 
 def at_low_speed(horizon: str, figure: str) -> list[float]:
     """The paper's rule at 0.2 and 0.3 pu, each bound."""
-    points = metrics()["deadlocks"]["points"][horizon]
+    points = reported("metrics")["deadlocks"]["points"][horizon]
     return [by["largest"][figure] for speed in ("0.2", "0.3") for by in points[speed].values()]
 
 
 def weighted(horizon: str, speed: str, bound: str, figure: str = "deadlocks_pct") -> float:
-    return metrics()["deadlocks"]["points"][horizon][speed][bound]["weighted"][figure]
+    return reported("metrics")["deadlocks"]["points"][horizon][speed][bound]["weighted"][figure]
 
 
 def every_point() -> Iterator[tuple[str, str, str]]:
     """Horizon, speed and bound of the rules' comparison point by point."""
-    for kind, by_speed in metrics()["deadlocks"]["points"].items():
+    for kind, by_speed in reported("metrics")["deadlocks"]["points"].items():
         for speed, by_bound in by_speed.items():
             yield from ((kind, speed, bound) for bound in by_bound)
 
 
 def fewer_deadlocks(horizon: str) -> list[float]:
     """What the weighted rule takes off at 0.6 and 1 pu, %: of the rules' starts, of the points'."""
-    high = metrics()["deadlocks"]["high"]
+    high = reported("metrics")["deadlocks"]["high"]
     mine, theirs = (high[name][horizon] for name in (deadlocks.RECOMMENDED, deadlocks.LARGEST))
-    points = metrics()["deadlocks"]["points"][horizon]
+    points = reported("metrics")["deadlocks"]["points"][horizon]
     sums = [
         sum(by[rule]["deadlocks_pct"] for speed in ("0.6", "1.0") for by in points[speed].values())
         for rule in ("weighted", "largest")
@@ -458,7 +453,7 @@ def fewer_deadlocks(horizon: str) -> list[float]:
 
 def at_high_speed(case: str, figure: str = "fsw_hz") -> list[float]:
     """Change against the paper's rule, % of SE and SESE."""
-    high = metrics()["deadlocks"]["high"]
+    high = reported("metrics")["deadlocks"]["high"]
     return [
         100 * (high[case][h][figure] / high[deadlocks.LARGEST][h][figure] - 1)
         for h in ("SE", "SESE")
@@ -539,10 +534,16 @@ def multipliers() -> int:
 
 def compared() -> int:
     """Decisions of extreme states that a second program has checked."""
-    both = (metrics()["torture"][name]["kinds"] for name in ("mpdcc", "mptc"))
+    both = (reported("torture")[name]["kinds"] for name in ("mpdcc", "mptc"))
     counted = [pair for kinds in both for pair in kinds.values()]
     assert not any(differ for _, differ in counted)
     return sum(decisions for decisions, _ in counted)
+
+
+def differing(*names: str) -> Iterator[float]:
+    """Shares of decisions under noise that differ from the ideal controller's."""
+    found = reported("metrics")["robustness"]["decisions"]["inwards"]
+    return (found[kind][name] for name in names for kind in ("SE", "SESE"))
 
 
 def slower(bits: str) -> str:
@@ -555,7 +556,7 @@ Said = tuple[str, Callable[[], tuple[object, ...]]]
 
 def first_steps(*names: str) -> tuple[str, ...]:
     """Seconds of a newcomer's steps."""
-    return tuple(f"{metrics()['newcomer']['seconds'][name]}" for name in names)
+    return tuple(f"{reported('newcomer')['newcomer']['seconds'][name]}" for name in names)
 
 
 SAID: dict[str, list[Said]] = {
@@ -585,11 +586,11 @@ SAID: dict[str, list[Said]] = {
         ("The approximations alone are {} %",
          lambda: (f"{setting('whole', 'every approximation, no rounding'):.3f}",)),
         ("fell from 0.258 to {} %", lambda: (
-            f"{fidelity()['mpdcc']['decision_mismatch_driven_by_model_pct']:.3f}",)),
+            f"{reported('fidelity')['mpdcc']['decision_mismatch_driven_by_model_pct']:.3f}",)),
         ("{} decisions were compared, and none differs", lambda: (f"{compared():,}",)),
         ("the length is too long for {} % and too short for {} %. A plain binary search is wrong "
          "for {} %",
-         lambda: tuple(f"{fidelity()['parabolas'][name]:.2f}"
+         lambda: tuple(f"{reported('fidelity')['parabolas'][name]:.2f}"
                        for name in ("too_long_pct", "too_short_pct", "plain_wrong_pct"))),
         ("its FPGA differs from its ideal controller in {} % of the decisions", lambda: ("2.5",)),
         ('With `"auto"` the switching frequency is within {} % of the ideal controller\'s, the '
@@ -672,7 +673,7 @@ SAID: dict[str, list[Said]] = {
                   *span(taken_back("deadlocks_per_1000"), ".0f"))),
         ("with rule and filters the median changes by less than {} % under noise 1",
          lambda: (math.ceil(max(abs(
-             metrics()["robustness"]["random"][kind]["noise 1, inwards, filters 1/16"]
+             reported("metrics")["robustness"]["random"][kind]["noise 1, inwards, filters 1/16"]
              ["fsw_change_pct"]["median"]) for kind in ("SE", "SESE"))),)),
         ("No phase current of a random drive goes further than {} pu beyond its bound of 0.10 pu. "
          "Both components of the current so stay within {} pu",
@@ -685,9 +686,7 @@ SAID: dict[str, list[Said]] = {
          lambda: (clocks_of("state_observer", "flux"), clocks_of("state_observer", "filtered"))),
         ("differs from the ideal controller's in {} % of the decisions with SE and {} % with SESE. "
          "At the worst point it is {} % and {} %",
-         lambda: tuple(f"{metrics()['robustness']['decisions']['inwards'][kind][name]:.2f}"
-                       for name in ("mismatch_pct", "worst_pct")
-                       for kind in ("SE", "SESE"))),
+         lambda: tuple(f"{share:.2f}" for share in differing("mismatch_pct", "worst_pct"))),
         ("beyond its bound in {} to {} % of the steps",
          lambda: span(of_plants("capacitances x 0.9", "theta", "outside_pct"))),
         ("`mpdcc_core` takes {} slices more with `INWARDS` than without it, and `state_observer` "
@@ -789,7 +788,7 @@ def change_of_outside(rule: str, gain: float) -> float:
 
 def excess_of_random_drives() -> tuple[str, ...]:
     """Furthest that a phase is beyond its bound; then beta: two phases, divided by sqrt(3)."""
-    excess = metrics()["robustness"]["random"]["largest_excess_current_pu"]
+    excess = reported("metrics")["robustness"]["random"]["largest_excess_current_pu"]
     beta = 2 / math.sqrt(3) * (0.10 + excess)
     return f"{excess:.2f}", f"{math.ceil(100 * beta) / 100:.2f}"
 
@@ -845,13 +844,13 @@ def test_what_was_before_is_of_its_commit() -> None:
 
 def test_the_metrics_have_the_resources_of_the_budgets() -> None:
     for variant, design in report.DESIGNS.items():
-        found = metrics()[design.key]
+        found = reported("metrics")[design.key]
         held = json.loads(json.dumps(found))
         report.held_resources(held, variant)
         for family in report.FAMILIES:
             assert found[family] == held[family], (variant, family)
             assert found[family]["2"]["lut"] > 0
-    assert metrics()["mpdcc"]["sese"]["xc3s"] == horizon.figures()["xc3s"]
+    assert reported("metrics")["mpdcc"]["sese"]["xc3s"] == horizon.figures()["xc3s"]
 
 
 #: Numbers of README that are no figures of ours, by what they are in.

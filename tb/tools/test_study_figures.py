@@ -15,7 +15,7 @@ import pytest
 
 from scripts.publish import study_figures
 from scripts.shared.tools import ROOT
-from scripts.studies import bounds, lengths, mptc_robustness, robustness, sensorless
+from scripts.studies import bounds, lengths, mptc_robustness, robustness
 
 METRICS: dict[str, Any] = json.loads((ROOT / "reports" / "metrics.json").read_text("utf-8"))
 POINTS = ("SE 1.0", "SE 0.6", "SESE 1.0", "SESE 0.6")
@@ -158,29 +158,3 @@ def test_deadlocks() -> None:
                 f"{one['thd_per_bound']:.0f} %/pu", f"{one['fsw_hz']:.0f} Hz",
                 f"{one['deadlocks_pct']:.1f} %", _worst(one),
             ]  # fmt: skip
-
-
-def test_sensorless() -> None:
-    section = METRICS["sensorless"]
-
-    def shown(value: float | None, form: str) -> str:
-        return "lost" if value is None else f"{value:{form}}"
-
-    found = table("reports/sensorless.md", "cases")
-    for name, row, column, form in (
-        ("start", 0, "to_1400_rpm_ms", ".0f"), ("start", 1, "estimate_error_rpm", ".1f"),
-        ("reversal", 2, "to_1400_rpm_ms", ".0f"), ("reversal", 3, "estimate_error_rpm", ".1f"),
-        ("crawl", 4, "speed_error_rpm", ".2f"), ("crawl", 5, "estimate_error_rpm", ".2f"),
-        ("full speed", 6, "speed_error_rpm", ".2f"),
-        ("full speed", 7, "estimate_error_rpm", ".2f"),
-    ):  # fmt: skip
-        for case, cell in zip(sensorless.CASES, found[row][1:], strict=True):
-            ((one,),) = (list(at.values()) for at in section[name][case].values())
-            assert cell == shown(one[column], form), (name, case)
-    for mark, region in zip(("region", "skewed"), sensorless.REGIONS, strict=True):
-        (by,) = section[region].values()
-        for load, *cells in table("reports/sensorless.md", mark):
-            assert cells == [
-                shown(by[f"{rpm:g} r/min"][f"{load} N m"]["speed_error_rpm"], ".1f")
-                for rpm in sensorless.REGION_SPEEDS
-            ]
