@@ -1,10 +1,11 @@
--- Parameters of MPDCC: the host's words in a block RAM, and those in force.
+-- Parameters of a system: the host's words in a block RAM, and those in force.
 --
 -- The host reads and writes the RAM, a word at a time; bits that a word does not have are zero. What it writes
 -- changes nothing else. After load the words of the RAM are copied, one in a clock, once they are not in use:
 --   core       coefficients, bounds and choices, to registers that are used in parallel
 --   observer   every word to its memory; it reads coefficients there
 -- Coefficients of the slopes that the observer scales are kept here only with SLOPES.
+-- The words in parallel are MPDCC's. A system with other parameters leaves them open, and takes c_word by its place.
 --
 -- So a word in force may change in any clock of a copy, which is whole when waits falls. Until then nothing may begin
 -- to use one, and the host may not write: that is up to the owner. load comes between two decisions. Another one in the
@@ -15,8 +16,8 @@
 -- Coefficients and bounds move along a chain, whose end each word enters: none of them needs an address.
 -- Formats: places and widths as mpdcc_parameter_places; coefficients have 16 bits.
 -- Latency: a write is done a clock after its request, and a read has its word then. waits is up from the clock after
--- load on, for 67 clocks, unless words are in use, behind rst for 66; one more for each access, which goes first. taken
--- is up in the last of them: all words are in force in the next.
+-- load on, for 67 clocks with 64 words, unless words are in use, behind rst for 66; one more for each access, which
+-- goes first. taken is up in the last of them: all words are in force in the next.
 -- Overflow: none; bits that a word does not have are dropped.
 -- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
@@ -31,7 +32,8 @@ library work;
 
 entity parameter_memory is
   generic (
-    SLOPES : boolean := false -- true: coefficients has those of the slopes, false: zeros in their places
+    SLOPES : boolean  := false;         -- true: coefficients has those of the slopes, false: zeros in their places
+    BITS   : places_t := PARAMETER_BITS -- of each parameter, from 0 on; at most 64 of them
   );
   port (
     clk             : in    std_logic;                     -- rising edge
@@ -76,7 +78,7 @@ architecture rtl of parameter_memory is
   constant WORD_BITS    : positive := 18;
   constant CHAINED_BITS : positive := 16;                    -- of a word of the chain
   constant CHAIN_COUNT  : positive := COEFFICIENT_COUNT + 3; -- coefficients, then bounds
-  constant LAST         : natural  := PARAMETER_COUNT - 1;
+  constant LAST         : natural  := BITS'length - 1;
 
   subtype word_t is std_logic_vector(WORD_BITS - 1 downto 0);
 
@@ -149,7 +151,7 @@ architecture rtl of parameter_memory is
 
 begin
 
-  assert PARAMETER_COUNT = 64
+  assert LAST <= 63
     report "parameter_memory: a place has six bits"
     severity failure;
 
@@ -168,23 +170,23 @@ begin
   p_mask : process (host_place) is
 
     variable mine : std_logic; -- the access is to this place
-    variable bits : word_t;
+    variable ones : word_t;
 
   begin
 
-    bits := (others => '0');
+    ones := (others => '0');
 
-    for i in PARAMETER_BITS'range loop
+    for i in BITS'range loop
       mine := to_std_logic(unsigned(host_place) = i);
 
-      for n in bits'range loop
-        if (n < PARAMETER_BITS(i)) then
-          bits(n) := bits(n) or mine;
+      for n in ones'range loop
+        if (n < BITS(i)) then
+          ones(n) := ones(n) or mine;
         end if;
       end loop;
     end loop;
 
-    host_mask <= bits;
+    host_mask <= ones;
 
   end process p_mask;
 
@@ -262,6 +264,10 @@ begin
       if (fetches = '1') then
         active     <= to_std_logic(next_place /= LAST);
         next_place <= next_place + 1;
+
+        if (LAST < 63 and next_place = LAST) then
+          next_place <= (others => '0');
+        end if;
       elsif (loading = '1' and in_use = '0' and busy = '0') then
         active <= '1';
       end if;

@@ -57,6 +57,26 @@ package recorder_format is
   constant MPDCC_DEADLOCK : natural := 287; -- bits: 1
   constant MPDCC_EXHAUSTED : natural := 298; -- bits: 1
 
+  -- words before the decision and of it, lowest bit of each quantity: KBEST
+  constant KBEST_INPUTS : natural := 7;
+  constant KBEST_RESULTS : natural := 4;
+  constant KBEST_IS_ALPHA : natural := 0; -- bits: 16
+  constant KBEST_IS_BETA : natural := 16; -- bits: 16
+  constant KBEST_PSIR_ALPHA : natural := 32; -- bits: 16
+  constant KBEST_PSIR_BETA : natural := 48; -- bits: 16
+  constant KBEST_V_N : natural := 64; -- bits: 16
+  constant KBEST_V_PH_A : natural := 80; -- bits: 16
+  constant KBEST_V_PH_B : natural := 96; -- bits: 16
+  constant KBEST_V_PH_C : natural := 112; -- bits: 16
+  constant KBEST_V_DC : natural := 128; -- bits: 16
+  constant KBEST_IREF_ALPHA : natural := 144; -- bits: 16
+  constant KBEST_IREF_BETA : natural := 160; -- bits: 16
+  constant KBEST_OMEGA_S : natural := 176; -- bits: 16
+  constant KBEST_OMEGA_R : natural := 192; -- bits: 16
+  constant KBEST_APPLIED : natural := 208; -- bits: 9
+  constant KBEST_HELD : natural := 286; -- bits: 1
+  constant KBEST_KEY : natural := 352; -- bits: 22
+
   -- words before the decision and of it, lowest bit of each quantity: MPTC
   constant MPTC_INPUTS : natural := 6;
   constant MPTC_RESULTS : natural := 4;

@@ -30,11 +30,12 @@ PUBLIC = (
     "mptc_drive", "kbest_core", "binary_search", "mac_block", "state_observer",
     "mptc_speed_observer", "vector_sequencer", "gate_guard", "gate_release", "clock_monitor",
     "safe_torque_off", "sync_bits", "axi_lite_master", "boot_loader", "host_link",
-    "mpdcc_system", "mptc_system", "board_top",
+    "mpdcc_system", "kbest_system", "mptc_system", "board_top",
 )  # fmt: skip
 #: Those of them that have no page: K-best, and parts around a core or a system.
 PARTS = (
     "kbest_core",
+    "kbest_system",
     "gate_release",
     "clock_monitor",
     "safe_torque_off",

@@ -40,7 +40,8 @@ SPECIFICATION = DOCS / "specification.md"
 LIBRARY = ROOT / "model" / "directmpc"
 PUBLIC = (
     "mpdcc_core", "mptc_core", "mptc_drive", "mpdcc_scheduler", "mpdcc_explorer", "binary_search",
-    "mac_block", "gate_guard", "kbest_core", "mpdcc_system", "mptc_system",
+    "mac_block", "gate_guard", "kbest_core", "mpdcc_system", "kbest_system",
+    "mptc_system",
 )  # fmt: skip
 
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")

@@ -17,6 +17,9 @@ from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
 
+AnyDrive = Drive | KbestDrive | MptcDrive
+"""A drive of any controller."""
+
 DRIVES: dict[str, type[Drive] | type[KbestDrive] | type[MptcDrive]] = {
     "mpdcc": Drive,
     "mptc": MptcDrive,

@@ -58,7 +58,7 @@ def _halves(first: int, names: Sequence[tuple[str, int, bool]]) -> tuple[Field, 
     )
 
 
-#: What both controllers record of a decision.
+#: What all controllers record of a decision.
 SHARED = (
     Field("gates", RESULTS_AT, 0, 24),
     Field("applied_next", RESULTS_AT + 1, 0, 9),
@@ -68,21 +68,30 @@ SHARED = (
     Field("saturated", RESULTS_AT + 1, 9, 1),
 )
 
+#: What a core of a multilevel drive sees.
+_SEEN = _halves(
+    0,
+    [
+        *((n, f.width, f.signed) for n, f in mpdcc_formats.MEASUREMENTS.items()),
+        ("applied", 9, False),
+    ],
+)
+
 FIELDS: dict[str, tuple[Field, ...]] = {
     "mpdcc": (
-        *_halves(
-            0,
-            [
-                *((n, f.width, f.signed) for n, f in mpdcc_formats.MEASUREMENTS.items()),
-                ("applied", 9, False),
-            ],
-        ),
+        *_SEEN,
         Field("leakage", 7, 0, 17),
         *SHARED,
         Field("length", RESULTS_AT, 24, 6),
         Field("held", RESULTS_AT, 30, 1),
         Field("deadlock", RESULTS_AT, 31, 1),
         Field("exhausted", RESULTS_AT + 1, 10, 1),
+    ),
+    "kbest": (
+        *_SEEN,
+        *SHARED,
+        Field("held", RESULTS_AT, 30, 1),
+        Field("key", RESULTS_AT + 3, 0, 22),
     ),
     "mptc": (
         *_halves(

@@ -765,6 +765,608 @@ MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {
             },
         ),
     },
+    "kbest": {
+        "system.identification": (
+            0x000,
+            {
+                "identification": (0, 32, False),
+            },
+        ),
+        "system.version": (
+            0x004,
+            {
+                "patch": (0, 8, False),
+                "minor": (8, 8, False),
+                "major": (16, 8, False),
+                "map": (24, 8, False),
+            },
+        ),
+        "system.capabilities": (
+            0x008,
+            {
+                "controller": (0, 4, False),
+                "explorers": (4, 4, False),
+                "folded": (8, 1, False),
+                "flux_control": (9, 1, False),
+                "observer": (10, 1, False),
+                "second_level": (11, 1, False),
+                "weighted_deadlock": (12, 1, False),
+                "inwards": (13, 1, False),
+                "capacitor_filter": (14, 1, False),
+                "leakage_estimate": (15, 1, False),
+                "least_dead_time": (16, 12, False),
+                "family": (28, 1, False),
+                "sensorless": (29, 1, False),
+                "recorder": (30, 1, False),
+            },
+        ),
+        "system.control": (
+            0x00C,
+            {
+                "enable": (0, 1, False),
+                "registers_as_source": (1, 1, False),
+                "use_observer": (2, 1, False),
+                "own_positions": (3, 1, False),
+            },
+        ),
+        "system.command": (
+            0x010,
+            {
+                "commit": (0, 1, False),
+                "start": (1, 1, False),
+                "clear_counters": (2, 1, False),
+                "reset_observer": (3, 1, False),
+            },
+        ),
+        "system.status": (
+            0x014,
+            {
+                "busy": (0, 1, False),
+                "commit_pending": (1, 1, False),
+                "running": (2, 1, False),
+                "commutating": (3, 1, False),
+                "fault": (4, 1, False),
+                "enabled": (5, 1, False),
+                "in_force": (6, 1, False),
+                "second_clock": (7, 1, False),
+            },
+        ),
+        "system.flags": (
+            0x018,
+            {
+                "saturated": (0, 1, False),
+                "deadlock": (1, 1, False),
+                "start_ignored": (2, 1, False),
+                "observer_saturated": (3, 1, False),
+                "clamped": (4, 1, False),
+                "old_measurement": (5, 1, False),
+                "write_refused": (6, 1, False),
+            },
+        ),
+        "system.faults": (
+            0x01C,
+            {
+                "external_trip": (0, 1, False),
+                "over_current": (1, 1, False),
+                "link_high": (2, 1, False),
+                "link_low": (3, 1, False),
+                "illegal_edge": (4, 1, False),
+                "late": (5, 1, False),
+                "missing": (6, 1, False),
+                "overrun": (7, 1, False),
+                "interlock": (8, 1, False),
+                "capacitor": (9, 1, False),
+                "neutral_point": (10, 1, False),
+                "over_speed": (11, 1, False),
+                "frozen": (12, 1, False),
+                "upset": (13, 1, False),
+                "driver": (14, 1, False),
+            },
+        ),
+        "system.cycles": (
+            0x024,
+            {
+                "last": (0, 16, False),
+                "worst": (16, 16, False),
+            },
+        ),
+        "system.decisions": (
+            0x028,
+            {
+                "count": (0, 32, False),
+            },
+        ),
+        "system.commits": (
+            0x02C,
+            {
+                "count": (0, 16, False),
+            },
+        ),
+        "system.gates": (
+            0x030,
+            {
+                "gates": (0, 24, False),
+                "converter": (28, 4, False),
+            },
+        ),
+        "guard.dead_time": (
+            0x040,
+            {
+                "clocks": (0, 12, False),
+            },
+        ),
+        "guard.minimum_on": (
+            0x044,
+            {
+                "clocks": (0, 12, False),
+            },
+        ),
+        "guard.minimum_off": (
+            0x048,
+            {
+                "clocks": (0, 12, False),
+            },
+        ),
+        "guard.decision_limit": (
+            0x04C,
+            {
+                "clocks": (0, 16, False),
+            },
+        ),
+        "guard.watchdog": (
+            0x050,
+            {
+                "clocks": (0, 16, False),
+            },
+        ),
+        "guard.current_limit": (
+            0x054,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "guard.link_high": (
+            0x058,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "guard.link_low": (
+            0x05C,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "guard.speed_limit": (
+            0x060,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "guard.frozen": (
+            0x064,
+            {
+                "periods": (0, 8, False),
+            },
+        ),
+        "bands.v_ph_high": (
+            0x070,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "bands.v_ph_low": (
+            0x074,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "bands.v_n_limit": (
+            0x078,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "result.decision": (
+            0x080,
+            {
+                "s_a": (0, 3, False),
+                "s_b": (3, 3, False),
+                "s_c": (6, 3, False),
+                "held": (9, 1, False),
+                "saturated": (11, 1, False),
+            },
+        ),
+        "result.rotor_flux": (
+            0x084,
+            {
+                "alpha": (0, 16, True),
+                "beta": (16, 16, True),
+            },
+        ),
+        "result.cost": (
+            0x088,
+            {
+                "key": (0, 22, False),
+            },
+        ),
+        "result.search": (
+            0x08C,
+            {
+                "beam": (0, 5, False),
+                "stages": (8, 5, False),
+            },
+        ),
+        "parameters.c_angle": (
+            0x100,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.c_decay_1": (
+            0x104,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.c_decay_2": (
+            0x108,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.c_flux_0": (
+            0x10C,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.c_flux_2": (
+            0x110,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.c_flux_u": (
+            0x114,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.c_flux_w": (
+            0x118,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.c_forced_1": (
+            0x11C,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.c_forced_2": (
+            0x120,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.c_level_1": (
+            0x124,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.c_level_2": (
+            0x128,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.c_neutral": (
+            0x12C,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.c_capacitor": (
+            0x130,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.effort": (
+            0x134,
+            {
+                "value": (0, 13, False),
+            },
+        ),
+        "parameters.bound_neutral": (
+            0x138,
+            {
+                "value": (0, 15, False),
+            },
+        ),
+        "parameters.bound_phase": (
+            0x13C,
+            {
+                "value": (0, 15, False),
+            },
+        ),
+        "parameters.o_speed": (
+            0x140,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.o_voltage_alpha": (
+            0x144,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.o_voltage_beta": (
+            0x148,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.o_drop": (
+            0x14C,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.o_pull": (
+            0x150,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.o_pull_flux": (
+            0x154,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.o_pull_current": (
+            0x158,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.o_decay": (
+            0x15C,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.o_excitation": (
+            0x160,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.o_output_flux": (
+            0x164,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.o_output_current": (
+            0x168,
+            {
+                "value": (0, 18, True),
+            },
+        ),
+        "parameters.weight_neutral": (
+            0x16C,
+            {
+                "value": (0, 4, False),
+            },
+        ),
+        "parameters.weight_phase": (
+            0x170,
+            {
+                "value": (0, 4, False),
+            },
+        ),
+        "parameters.f_midpoint_alpha": (
+            0x174,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "parameters.f_midpoint_beta": (
+            0x178,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "parameters.f_phase_alpha": (
+            0x17C,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "parameters.f_phase_beta": (
+            0x180,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "parameters.f_q_midpoint": (
+            0x184,
+            {
+                "value": (0, 3, False),
+            },
+        ),
+        "parameters.f_q_phase": (
+            0x188,
+            {
+                "value": (0, 3, False),
+            },
+        ),
+        "parameters.short_stages": (
+            0x18C,
+            {
+                "value": (0, 4, False),
+            },
+        ),
+        "parameters.compensate": (
+            0x190,
+            {
+                "value": (0, 1, False),
+            },
+        ),
+        "measurements.is_alpha": (
+            0x200,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "measurements.is_beta": (
+            0x204,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "measurements.psir_alpha": (
+            0x208,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "measurements.psir_beta": (
+            0x20C,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "measurements.v_n": (
+            0x210,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "measurements.v_ph_a": (
+            0x214,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "measurements.v_ph_b": (
+            0x218,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "measurements.v_ph_c": (
+            0x21C,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "measurements.v_dc": (
+            0x220,
+            {
+                "value": (0, 16, False),
+            },
+        ),
+        "measurements.iref_alpha": (
+            0x224,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "measurements.iref_beta": (
+            0x228,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "measurements.omega_s": (
+            0x22C,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "measurements.omega_r": (
+            0x230,
+            {
+                "value": (0, 16, True),
+            },
+        ),
+        "measurements.s_prev_a": (
+            0x234,
+            {
+                "value": (0, 3, False),
+            },
+        ),
+        "measurements.s_prev_b": (
+            0x238,
+            {
+                "value": (0, 3, False),
+            },
+        ),
+        "measurements.s_prev_c": (
+            0x23C,
+            {
+                "value": (0, 3, False),
+            },
+        ),
+        "recorder.status": (
+            0x380,
+            {
+                "recording": (0, 1, False),
+                "triggered": (1, 1, False),
+                "full": (2, 1, False),
+                "cause": (8, 5, False),
+                "next_row": (16, 10, False),
+                "rows_log2": (28, 4, False),
+            },
+        ),
+        "recorder.settings": (
+            0x384,
+            {
+                "fault": (0, 1, False),
+                "deadlock": (1, 1, False),
+                "saturated": (2, 1, False),
+                "rising": (3, 1, False),
+                "falling": (4, 1, False),
+                "equal": (5, 1, False),
+                "no_sign": (6, 1, False),
+                "channel": (8, 5, False),
+                "after": (16, 10, False),
+            },
+        ),
+        "recorder.compare": (
+            0x388,
+            {
+                "value": (0, 16, False),
+                "decimation": (16, 8, False),
+            },
+        ),
+        "recorder.command": (
+            0x38C,
+            {
+                "arm": (0, 1, False),
+                "trigger": (1, 1, False),
+            },
+        ),
+        "recorder.row": (
+            0x390,
+            {
+                "row": (0, 10, False),
+            },
+        ),
+        "recorder.record": (
+            0x3C0,
+            {
+                "word": (0, 32, False),
+            },
+        ),
+    },
     "mptc": {
         "system.identification": (
             0x000,

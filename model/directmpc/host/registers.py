@@ -17,17 +17,20 @@ import argparse
 import math
 import os
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from directmpc.api.drive_file import load_core_drive
+from directmpc.api.drive_file import AnyDrive, load_drive
 from directmpc.api.kinds import kind_of
 from directmpc.drive_tables import keys_of
 from directmpc.host.console import OneParagraphParser, reported
+from directmpc.kbest import coefficients as kbest_coefficients
+from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import coefficients, formats
-from directmpc.mpdcc.drive import Drive, Guard
+from directmpc.mpdcc.drive import Drive, Guard, PerUnitDrive
 from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import cycles as mptc_cycles
 from directmpc.mptc import formats as mptc_formats
@@ -59,7 +62,7 @@ GUARD_TIMES = tuple(
 )
 
 #: Dead times in the longest transition of a leg: six gates, docs/gate-guard.md.
-DEAD_TIMES = {"mpdcc": 5, "mptc": 1}
+DEAD_TIMES = {"mpdcc": 5, "kbest": 5, "mptc": 1}
 
 #: Methods with a choice of the duty rule.
 RULED_METHODS = ("MPTC1", "MPTC2")
@@ -73,7 +76,7 @@ GUARD_MINIMUM_TIME = 200
 class RegisterValues:
     """Register values of a drive."""
 
-    controller: str  # "mpdcc" or "mptc"
+    controller: str  # "mpdcc", "kbest" or "mptc"
     # Register name as in the map -> integer, signed where the register is; in address order.
     words: dict[str, int]
     # Clock of the core that the times are counted in, Hz. No board with another one takes them.
@@ -182,7 +185,7 @@ class Setting:
         )
 
 
-def guard_settings(drive: Drive | MptcDrive, clock: float) -> dict[str, Setting]:
+def guard_settings(drive: AnyDrive, clock: float) -> dict[str, Setting]:
     """What the gate guard is set to, by the whole name of the register, at a clock in Hz.
 
     ValueError if the clock is out of range, or trip levels do not enclose the dc link's voltage.
@@ -193,7 +196,7 @@ def guard_settings(drive: Drive | MptcDrive, clock: float) -> dict[str, Setting]
             f"{MOST_CLOCK / 1e6:g} MHz, given in Hz: {CORE_CLOCK / 1e6:g}e6 for instance"
         )
     asked, ts = drive.guard, drive.control.ts
-    if isinstance(drive, Drive):
+    if isinstance(drive, PerUnitDrive):
         current, voltage = formats.CURRENT.scale, formats.LINK_VOLTAGE.scale
         speed = "pu", formats.SPEED.scale
         units = "pu", "pu"
@@ -221,7 +224,7 @@ def guard_settings(drive: Drive | MptcDrive, clock: float) -> dict[str, Setting]
         "speed_limit": Setting(asked.speed_limit, *speed, "of omega_r", peak, False, True),
     }
     found = {f"guard.{name}": setting for name, setting in chosen.items()}
-    if isinstance(drive, Drive):
+    if isinstance(drive, PerUnitDrive):
         capacitor = "pu", formats.CAPACITOR_VOLTAGE.scale, "of v_ph_a"
         neutral = "pu", formats.NEUTRAL_VOLTAGE.scale, "of v_n"
         bands = {
@@ -233,7 +236,7 @@ def guard_settings(drive: Drive | MptcDrive, clock: float) -> dict[str, Setting]
     return found
 
 
-def guard_words(drive: Drive | MptcDrive, clock: float, saturated: list[str]) -> dict[str, int]:
+def guard_words(drive: AnyDrive, clock: float, saturated: list[str]) -> dict[str, int]:
     """Registers of the gate guard in clocks or LSB; `saturated` gets sentences on safer values.
 
     What the drive file does not say has the value with which no gate comes on. ValueError where the
@@ -247,7 +250,7 @@ def guard_words(drive: Drive | MptcDrive, clock: float, saturated: list[str]) ->
     return words
 
 
-def _check_link(drive: Drive | MptcDrive, unit: str) -> None:
+def _check_link(drive: AnyDrive, unit: str) -> None:
     """Refuse trip levels of the dc link that do not enclose its nominal voltage."""
     vdc = drive.inverter.vdc
     for key, low, high in (("link_high", vdc, 2.0 * vdc), ("link_low", 0.5 * vdc, vdc)):
@@ -263,7 +266,7 @@ def _check_link(drive: Drive | MptcDrive, unit: str) -> None:
 WATCHDOG_PERIODS = 1.5
 
 
-def decision_periods(drive: Drive | MptcDrive) -> float:
+def decision_periods(drive: AnyDrive) -> float:
     """Longest time from start to decision, control periods, where the file does not say.
 
     More than one where a decision for the next step waits for its start.
@@ -273,7 +276,7 @@ def decision_periods(drive: Drive | MptcDrive) -> float:
 
 
 def values(
-    drive: Drive | MptcDrive,
+    drive: AnyDrive,
     variant: str = "fast",
     *,
     clock: float = CORE_CLOCK,
@@ -287,45 +290,78 @@ def values(
     estimated; two-level drives alone. ValueError names the key or register where a value cannot be
     represented, is not served, or would become less safe.
     """
-    if not isinstance(drive, Drive | MptcDrive):
-        raise ValueError(f'controller: got "{drive.controller}", of which there is no system yet')
     saturated: list[str] = []
     words = guard_words(drive, clock, saturated)
-    if isinstance(drive, Drive):
-        from directmpc.mpdcc import capacitor_observer, leakage
-        from directmpc.mpdcc import observer as rotor_flux_observer
-
-        parameters = dict(coefficients.registers(drive, variant).ports())
-        observer, problems = rotor_flux_observer.coefficients(drive)
-        parameters |= {f"o_{name}": value for name, value in observer.items()}
-        parameters |= {
-            f"f_{name}": value for name, value in capacitor_observer.coefficients(drive).items()
-        }
-        estimate, misfits = leakage.coefficients(drive)
-        parameters |= {f"l_{name}": value for name, value in estimate.items()}
-        parameters["l_mode"] = int(drive.control.leakage_estimate)
-        saturated += problems
-        # without the estimate its coefficients have no effect
-        if drive.control.leakage_estimate:
-            saturated += misfits
-        controller = "mpdcc"
-    else:
-        chosen = mptc_coefficients.registers(drive)
-        parameters = {f"c_{name}": value for name, value in chosen.coefficients.items()}
-        estimating = sensorless or "sensorless" in built
-        gains = mptc_speed_observer.coefficients(drive) if estimating else {}
-        gains = gains or mptc_observer.coefficients(drive)
-        parameters |= {f"c_{name}": gains[name] for name in gains if name.startswith("gain")}
-        if estimating:
-            parameters["sensorless"] = int(sensorless)
-        parameters["method_mpfc"] = int(drive.control.method == "MPFC")
-        if drive.control.sequences or "family" in built:
-            parameters |= _sequence_words(drive, clock)
-        controller = "mptc"
+    told = _Told(variant, clock, built, sensorless, saturated)
+    parameters = _PARAMETERS[drive.controller](drive, told)
     words |= {f"parameters.{name}": value for name, value in parameters.items()}
-    addresses = registers_of(controller)
+    addresses = registers_of(drive.controller)
     words = dict(sorted(words.items(), key=lambda word: addresses[word[0]][0]))
-    return RegisterValues(controller, words, clock, saturated, drive.missing())
+    return RegisterValues(drive.controller, words, clock, saturated, drive.missing())
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What `values` is told beside the drive."""
+
+    variant: str
+    clock: float
+    built: Collection[str]
+    sensorless: bool
+    saturated: list[str]  # Gets sentences
+
+
+def _state_observer(drive: PerUnitDrive, told: _Told) -> dict[str, int]:
+    """Parameters of rotor-flux observer and capacitor filters, in front of the core."""
+    from directmpc.mpdcc import capacitor_observer
+    from directmpc.mpdcc import observer as rotor_flux_observer
+
+    observer, problems = rotor_flux_observer.coefficients(drive)
+    told.saturated.extend(problems)
+    filters = capacitor_observer.coefficients(drive)
+    return {f"o_{name}": value for name, value in observer.items()} | {
+        f"f_{name}": value for name, value in filters.items()
+    }
+
+
+def _mpdcc(drive: Drive, told: _Told) -> dict[str, int]:
+    from directmpc.mpdcc import leakage
+
+    parameters = dict(coefficients.registers(drive, told.variant).ports())
+    parameters |= _state_observer(drive, told)
+    estimate, misfits = leakage.coefficients(drive)
+    parameters |= {f"l_{name}": value for name, value in estimate.items()}
+    # without the estimate its coefficients have no effect
+    told.saturated.extend(misfits if drive.control.leakage_estimate else ())
+    return parameters | {"l_mode": int(drive.control.leakage_estimate)}
+
+
+def _kbest(drive: KbestDrive, told: _Told) -> dict[str, int]:
+    found = kbest_coefficients.registers(drive)
+    return found.ports() | _state_observer(drive, told)
+
+
+def _mptc(drive: MptcDrive, told: _Told) -> dict[str, int]:
+    chosen = mptc_coefficients.registers(drive)
+    parameters = {f"c_{name}": value for name, value in chosen.coefficients.items()}
+    estimating = told.sensorless or "sensorless" in told.built
+    gains = mptc_speed_observer.coefficients(drive) if estimating else {}
+    gains = gains or mptc_observer.coefficients(drive)
+    parameters |= {f"c_{name}": gains[name] for name in gains if name.startswith("gain")}
+    if estimating:
+        parameters["sensorless"] = int(told.sensorless)
+    parameters["method_mpfc"] = int(drive.control.method == "MPFC")
+    if drive.control.sequences or "family" in told.built:
+        parameters |= _sequence_words(drive, told.clock)
+    return parameters
+
+
+#: Controller -> parameters of its cores and observers.
+_PARAMETERS: dict[str, Callable[[Any, _Told], dict[str, int]]] = {
+    "mpdcc": _mpdcc,
+    "kbest": _kbest,
+    "mptc": _mptc,
+}
 
 
 def _sequence_words(drive: MptcDrive, clock: float) -> dict[str, int]:
@@ -366,7 +402,7 @@ def format_csv(found: RegisterValues) -> str:
     return "\n".join(lines)
 
 
-def format_c(drive: Drive | MptcDrive, found: RegisterValues, source: str) -> str:
+def format_c(drive: AnyDrive, found: RegisterValues, source: str) -> str:
     """Lay out the writes as a C99 array, with the scales of the measurements' registers.
 
     The type of the array is that of the driver in ``examples/processor``; the text serves without
@@ -425,8 +461,8 @@ def _positive(text: str) -> float:
 SPEED_KNOWN = 22
 
 
-def _before(drive: Drive) -> int:
-    """Clocks that filters and rotor-flux observer of `mpdcc_system` take at most before the core.
+def _before(drive: PerUnitDrive) -> int:
+    """Clocks that filters and rotor-flux observer take at most before the core.
 
     Whether the observer is used is chosen at run time, so that it counts.
     """
@@ -450,8 +486,30 @@ def _clocks(drive: Drive, variant: str, explorers: int, budget: int) -> int:
     )
 
 
+def _always_kbest(drive: KbestDrive, found: RegisterValues) -> int:
+    """Clocks that no decision of a K-best system exceeds, from the start of a step."""
+    from directmpc.kbest import bit_true
+
+    chosen = kbest_coefficients.registers(drive)
+    # a step that begins behind the last decision waits for its plan
+    return chosen.stages + 2 + _before(drive) + bit_true.most_clocks(chosen)
+
+
+def _always_mptc(drive: MptcDrive, found: RegisterValues) -> int:
+    method, rule = drive.control.method, drive.control.duty_rule
+    clocks = mptc_cycles.DRIVE.get(method) or mptc_cycles.of(method, rule)
+    return clocks + (SPEED_KNOWN if "parameters.sensorless" in found.words else 0)
+
+
+#: Controllers whose decisions have one bound, and the clocks from the start of a step.
+_ALWAYS: dict[str, Callable[[Any, RegisterValues], int]] = {
+    "kbest": _always_kbest,
+    "mptc": _always_mptc,
+}
+
+
 def refuse_slow(
-    drive: Drive | MptcDrive,
+    drive: AnyDrive,
     found: RegisterValues,
     variant: str = "fast",
     explorers: int = 1,
@@ -467,10 +525,8 @@ def refuse_slow(
     period = math.floor(found.clock * drive.control.ts + 1e-6)
     if drive.guard.decision_limit is None and period < limit:  # the next start comes then
         limit, told, ends = period, f"{period} (control.ts)", "the next start comes"
-    if isinstance(drive, MptcDrive):
-        method, rule = drive.control.method, drive.control.duty_rule
-        clocks = mptc_cycles.DRIVE.get(method) or mptc_cycles.of(method, rule)
-        clocks += SPEED_KNOWN if "parameters.sensorless" in found.words else 0
+    if not isinstance(drive, Drive):
+        clocks = _ALWAYS[drive.controller](drive, found)
         if clocks > limit:
             raise ValueError(_never(drive, found.clock, clocks, limit, told))
         return
@@ -508,7 +564,7 @@ def move_time(dead_times: int, dead_time: float, minimum_on: float, minimum_off:
     return dead_times * dead_time + max(minimum_on, minimum_off)
 
 
-def refuse_short(drive: Drive | MptcDrive) -> None:
+def refuse_short(drive: AnyDrive) -> None:
     """ValueError, with what would serve, for a control period in which a leg cannot end its move.
 
     A controller does not know of such times: with a shorter period its decisions would wait, and
@@ -546,11 +602,11 @@ def _largest_budget(drive: Drive, variant: str, explorers: int, limit: int) -> i
     return int(np.searchsorted(by_budget, limit, side="right"))
 
 
-def _ts(drive: Drive | MptcDrive) -> str:
+def _ts(drive: AnyDrive) -> str:
     return f"{1e6 * drive.control.ts:g} us"
 
 
-def _never(drive: Drive | MptcDrive, clock: float, clocks: int, limit: int, told: str) -> str:
+def _never(drive: AnyDrive, clock: float, clocks: int, limit: int, told: str) -> str:
     """The sentence for a control period that no core keeps."""
     ts = drive.control.ts
     return (
@@ -601,7 +657,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         parser.error("--measured-flux: only with --vhdl")
     asked = {n: getattr(given, n) for n in [*keys_of(MptcGuard), *keys_of(Guard)]}
     try:
-        drive = load_core_drive(given.drive)
+        drive = load_drive(given.drive)
         drive = drive.changed(guard={k: v for k, v in asked.items() if v is not None})
         found = values(drive, given.variant, clock=given.clock)
         refuse_slow(drive, found, given.variant, given.explorers)

@@ -35,6 +35,10 @@ class Registers:
     beam: int
     stages: int
 
+    def ports(self) -> dict[str, int]:
+        """The words by the names of the ports and registers."""
+        return {f"c_{n}" if n in f.COEFFICIENTS else n: word for n, word in self.values.items()}
+
     def array(self) -> NDArray[np.int64]:
         """The words in the order of the ports, then beam and stages."""
         return np.array([*self.values.values(), self.beam, self.stages], dtype=np.int64)

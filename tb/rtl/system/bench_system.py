@@ -10,9 +10,11 @@ import cocotb
 import numpy as np
 from cocotb.triggers import ClockCycles, FallingEdge, RisingEdge, with_timeout
 
+from directmpc.api.drive_file import load_drive
 from directmpc.host import registers
 from directmpc.host.gate_guard import FAULTS, gates_of, stop_clocks
 from directmpc.host.register_map import MAPS
+from directmpc.kbest import bit_true as kbest_bit_true
 from directmpc.mpdcc import capacitor_observer, leakage, tables
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
@@ -35,6 +37,20 @@ WRITABLE = ("guard.", "bands.", "parameters.", "measurements.", "running.")
 FLAGS = ("system.flags", "system.faults", "result.sequencer")
 #: Switch states a, b, c of the two-level vectors.
 SWITCHES = ("000", "100", "110", "010", "011", "001", "101", "111")
+#: What a decision has on its ports; of these the cost has a register of its own.
+DECIDED = {
+    "mpdcc": ("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated"),
+    "kbest": ("s_a", "s_b", "s_c", "held", "saturated", "cost"),
+    "mptc": ("u_next", "saturated", "clamped"),
+}
+#: Code of each controller in capabilities, and its options.
+BUILT = {
+    "mpdcc": (
+        1, "second_level", "weighted_deadlock", "inwards", "capacitor_filter", "leakage_estimate"
+    ),
+    "mptc": (2,),
+    "kbest": (3, "capacitor_filter"),
+}  # fmt: skip
 NOT_THE_CORE_S = (
     "o_", "f_", "l_", "c_gain", "family_method", "duty_rule", "rate", "sensorless"
 )  # fmt: skip
@@ -45,6 +61,9 @@ class System:
 
     def __init__(self, dut, given: dict[str, Any]) -> None:
         self.dut, self.controller = dut, given["controller"]
+        self.multilevel = self.controller != "mptc"
+        self.beam, self.stages = given.get("BEAM", 8), given.get("STAGES", 12)
+        self.forget()
         self.rng = random.Random(given["seed"])
         self.bus = Bus(dut, self.controller, self.rng)
         self.board = Scoreboard()
@@ -63,16 +82,31 @@ class System:
     def any_word(self, name: str) -> int:
         """A parameter of any content that is taken."""
         found = word(self.rng, self.words[name].width, signed=self.words[name].signed)
+        if self.controller == "kbest":
+            found = min(found, {"weight_neutral": 10, "weight_phase": 10}.get(name, found))
+            return 1 + found % (self.stages - 1) if name == "short_stages" else found
         return min(found, BOUND_HIGH["fast"]) if name.startswith("bound_") else found
 
     def any_parameters(self) -> dict[str, int]:
         """Parameters of any content, for the model and for the registers."""
         found = {name: self.any_word(name) for name in self.words}
         if self.controller == "mpdcc":
-            found["horizon"] = max(1, found["horizon"])
+            found |= {"horizon": max(1, found["horizon"]), "l_mode": 0}
+        if self.multilevel:
             # the filters remember, a set of parameters does not: see `filtered`
-            found |= dict.fromkeys(("f_q_midpoint", "f_q_phase", "l_mode"), 0)
+            found |= dict.fromkeys(("f_q_midpoint", "f_q_phase"), 0)
         return found
+
+    def shipped(self) -> Any:
+        """The drive file that ships, as the system under test is built."""
+        if self.controller == "mpdcc":
+            return states.shipped("anpc5l_6kv")
+        if self.controller == "mptc":
+            return mptc_core.shipped("induction_2kw2")
+        short = min(4, self.stages - 1)
+        return load_drive("anpc5l_6kv_kbest").with_control(
+            beam=self.beam, short_stages=short, long_stages=self.stages - short
+        )
 
     def any_measurements(self) -> dict[str, int]:
         """Measurements of any content."""
@@ -94,22 +128,53 @@ class System:
         if self.controller == "mpdcc":
             built = np.append(register, tables.base_of(tables.DEFAULT))
             found = bit_true_fast.decide_words(built, values[:13], values[13:])
+        elif self.controller == "kbest":
+            found = self.planned(register, values)
         else:
             found = mptc_bit_true.decide_words(register, values[:8], values[8])
         return tuple(int(v) for v in found)
 
+    def planned(self, register: IntArray, values: IntArray) -> tuple[Any, ...]:
+        """K-best's decision with the plan before; the next one is `following`."""
+        built = np.array([*register, self.beam, self.stages], dtype=np.int64)
+        parameters = kbest_bit_true.Parameters(built, kbest_bit_true.TABLES, self.plan)
+        following = np.zeros_like(self.plan)
+        code, saturated, _, cost = kbest_bit_true.decide_words(
+            parameters, values[:13], values[13:], self.plan, following
+        )
+        s = values[13:].copy()
+        if code:
+            phase, move = divmod(code - 1, 3)
+            s[phase] = kbest_bit_true.TABLES.neighbours[s[phase], move]
+        self.following = following
+        return *s, int(code == 0), saturated, cost
+
+    def follow(self, parameters: dict[str, int], m: dict[str, int]) -> tuple[int, ...]:
+        """The model's decision, whose plan the next one begins with."""
+        wanted = self.model(parameters, m)
+        self.plan = self.following
+        return wanted
+
+    def forget(self) -> None:
+        """Forget the plan, as behind a reset."""
+        self.plan = self.following = np.zeros(self.stages + 1, dtype=np.int64)
+
+    def see_plan(self) -> None:
+        """Take over the plan that the core decides with, from its start on."""
+        if self.controller != "kbest":
+            return
+        plan, odd = self.dut.plan.value, self.dut.odd.value
+        if plan.is_resolvable and odd.is_resolvable:  # else the first one is being gathered
+            words = [int(plan) >> 4 * j & 15 for j in range(self.stages)]
+            self.plan = np.array([*words, int(odd)], dtype=np.int64)
+
     def decided(self) -> tuple[int, ...]:
         """The decision on the ports."""
-        names = (
-            ("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
-            if self.controller == "mpdcc"
-            else ("u_next", "saturated", "clamped")
-        )
-        return tuple(number(getattr(self.dut, name)) for name in names)
+        return tuple(number(getattr(self.dut, name)) for name in DECIDED[self.controller])
 
     async def check_flux(self, m: dict[str, int], where: str) -> None:
         """One clock after valid ports and registers show the flux of the decision."""
-        kind, shown = ("psir", "rotor") if self.controller == "mpdcc" else ("psis", "stator")
+        kind, shown = ("psir", "rotor") if self.multilevel else ("psis", "stator")
         wanted = [int(m[f"{kind}_{axis}"]) for axis in ("alpha", "beta")]
         coded = [bits(v, 16) for v in wanted]
         await FallingEdge(self.dut.clk)
@@ -146,6 +211,7 @@ class System:
         while not number(self.dut.valid):
             clocks += 1
             assert clocks < 400, "no decision"
+            self.see_plan()
             await FallingEdge(self.dut.clk)
         return clocks
 
@@ -171,7 +237,11 @@ async def every_register(system: System) -> None:
     bus, board, rng = system.bus, system.board, system.rng
     held: dict[int, int] = {}
     masks: dict[int, int] = {}
-    bounds = [at for name, (at, _) in MAPS[system.controller].items() if ".bound_" in name]
+    bounds = [
+        at
+        for name, (at, _) in MAPS[system.controller].items()
+        if ".bound_" in name and system.controller == "mpdcc"
+    ]
     for name, (address, fields) in MAPS[system.controller].items():
         if name.startswith("recorder."):  # not built: nobody, below
             continue
@@ -216,16 +286,14 @@ async def every_register(system: System) -> None:
     code = await bus.read("system.identification", "identification")
     board.check("identification", code, 0x444D5043)
     kind = await bus.read("system.capabilities", "controller")
-    board.check("controller", kind, 1 if system.controller == "mpdcc" else 2)
-    for option in (
-        "second_level",
-        "weighted_deadlock",
-        "inwards",
-        "capacitor_filter",
-        "leakage_estimate",
-    ):
+    code, *options = BUILT[system.controller]
+    board.check("controller", kind, code)
+    for option in BUILT["mpdcc"][1:]:
         built_in = await bus.read("system.capabilities", option)
-        board.check(option, built_in, int(system.controller == "mpdcc"))
+        board.check(option, built_in, int(option in options))
+    if system.controller == "kbest":
+        found = [await bus.read("result.search", name) for name in ("beam", "stages")]
+        board.check("search", found, [system.beam, system.stages])
     bus.throttle(0.0)
 
 
@@ -284,10 +352,7 @@ async def atomic_commits(system: System, rounds: int) -> None:
 async def decisions_and_flags(system: System, count: int) -> None:
     """A drive's own values: decisions, counters, flags, both sources."""
     bus, board, rng = system.bus, system.board, system.rng
-    if system.controller == "mpdcc":
-        drive = states.shipped("anpc5l_6kv")
-    else:
-        drive = mptc_core.shipped("induction_2kw2")
+    drive = system.shipped()
     found = registers.values(drive)
     for _, address, data in found.writes():
         assert await bus.write_word(address, data) == OKAY
@@ -303,6 +368,7 @@ async def decisions_and_flags(system: System, count: int) -> None:
         if source:
             for name, value in m.items():
                 await bus.write(f"measurements.{name}", value=value)
+            system.see_plan()
             await bus.write("system.command", start=1)
             while await bus.read("system.status", "busy"):
                 pass
@@ -316,15 +382,13 @@ async def decisions_and_flags(system: System, count: int) -> None:
         wanted = system.model(parameters, m)
         board.check("decision", system.decided(), wanted, f"decision {n}")
         await system.check_flux(m, f"decision {n}")
-        if system.controller == "mpdcc":
-            names = ("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
-            seen |= {"saturated"} if wanted[6] else set()
-            seen |= {"deadlock"} if wanted[4] else set()
-        else:
-            names = ("u_next", "saturated", "clamped")
-            seen |= {"saturated"} if wanted[1] else set()
-            seen |= {"clamped"} if wanted[2] else set()
-        shown = tuple([await bus.read("result.decision", name) for name in names])
+        names = DECIDED[system.controller]
+        told = dict(zip(names, wanted, strict=True))
+        seen |= {name for name in ("saturated", "deadlock", "clamped") if told.get(name)}
+        places = {"cost": ("result.cost", "key")}
+        shown = tuple(
+            [await bus.read(*places.get(name, ("result.decision", name))) for name in names]
+        )
         board.check("decision register", shown, wanted, f"decision {n}")
         for name, value in m.items():
             board.check("kept", await bus.read(f"measurements.{name}", "value"), value, name)
@@ -340,6 +404,7 @@ async def decisions_and_flags(system: System, count: int) -> None:
     board.check("cleared", await bus.read("system.flags", "saturated"), 0)
     # a start while busy
     await bus.write("system.control", own_positions=0)
+    system.see_plan()
     m = system.any_measurements()
     await FallingEdge(system.dut.clk)
     system.put(m)
@@ -373,7 +438,7 @@ async def observed(system: System, drive, parameters: dict[str, int]) -> None:
     bus, board = system.bus, system.board
     await bus.write("system.command", reset_observer=1)
     await bus.write("system.control", use_observer=1, own_positions=1)
-    mpdcc = system.controller == "mpdcc"
+    mpdcc = system.multilevel
     last = system.decided()[:3] if mpdcc else system.decided()[0]
     if mpdcc:
         c = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
@@ -416,7 +481,7 @@ FILTERED = (
 async def filtered(system: System) -> None:
     """Decisions on the voltages of the filters, whose step comes first; they begin anew."""
     bus, board, rng = system.bus, system.board, system.rng
-    drive = states.shipped("anpc5l_6kv")
+    drive = system.shipped()
     base = registers.values(drive).words
     o = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
     alone = clocks_of("state_observer", "filters")
@@ -481,8 +546,8 @@ async def filtered(system: System) -> None:
                 used |= dict(zip(("psir_alpha", "psir_beta"), estimate, strict=True))
                 full |= over
             before = s
-            wanted = system.model(parameters, {name: int(used[name]) for name in system.inputs})
             count = await system.decide(m)
+            wanted = system.model(parameters, {name: int(used[name]) for name in system.inputs})
             holds |= {count} if wanted[3] else set()
             board.check("filtered", system.decided(), wanted, f"{chosen}, decision {n}")
             if watched:
@@ -494,7 +559,7 @@ async def filtered(system: System) -> None:
                 await FallingEdge(system.dut.clk)
         board.check("told", await bus.read("system.flags", "observer_saturated"), full, chosen)
         board.cover("full", full)
-        if holds and held:
+        if holds and held and system.controller == "mpdcc":  # another one's clocks differ
             more = before_flux if watched else alone
             board.check("later", holds, {count + more for count in held}, chosen)
     await bus.write("system.control", registers_as_source=0, own_positions=0, use_observer=0)
@@ -629,7 +694,7 @@ async def widest(system: System) -> None:
     """Bands that every measurement of this bench keeps, once they are committed."""
     await system.bus.write("guard.speed_limit", value=32_766)
     await system.bus.write("guard.frozen", periods=0)
-    if system.controller == "mpdcc":
+    if system.multilevel:
         await system.bus.write("bands.v_ph_low", value=0)
         await system.bus.write("bands.v_ph_high", value=65_534)
         await system.bus.write("bands.v_n_limit", value=32_766)
@@ -661,9 +726,10 @@ async def switched(system: System) -> None:
     bus, board, rng, dut = system.bus, system.board, system.rng, system.dut
     guard = dut.i_shell.i_guard
     names = ("is_alpha", "is_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")
-    drive = states.shipped("anpc5l_6kv")
+    drive = system.shipped()
     o = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
     base = registers.values(drive).words
+    pace = 1 if system.controller == "mpdcc" else 2
     all_faults = dict.fromkeys(bus.registers["system.faults"][1], 1)
 
     whole = [sum(1 << gate - 1 for gate in gates_of(True, position)) for position in range(8)]
@@ -683,7 +749,8 @@ async def switched(system: System) -> None:
         await bus.write("system.control", enable=0, use_observer=watched, own_positions=1)
         settings = {
             "watchdog": 60_000, "decision_limit": 59_000, "current_limit": 30_000,
-            "link_high": 65_000, "link_low": 0, "dead_time": 10, "minimum_on": chosen["minimum"],
+            "link_high": 65_000, "link_low": 0, "dead_time": 10,
+            "minimum_on": pace * chosen["minimum"],
             "minimum_off": 1,
         }  # fmt: skip
         await system.settled()
@@ -723,6 +790,7 @@ async def switched(system: System) -> None:
             if ran and running:
                 board.check("applied", list(applied[~waits]), list(asked[~waits]), label)
             kept = state.copy(), flux.copy()
+            system.see_plan()
             # a move of a leg that waits would be an overrun; moves of one that rests are looked for
             refused = waits | (moved if compensate else False)
             rests = moved if not compensate else latest
@@ -751,7 +819,7 @@ async def switched(system: System) -> None:
             board.cover("late commutation", int(other and ran and running))
             ran = running and bool(number(dut.running))
             before, last, moved, latest = last, np.array(wanted[:3]), moves, moved
-            for _ in range(INTERVAL - clocks):
+            for _ in range(pace * INTERVAL - clocks):
                 await FallingEdge(dut.clk)
             if n == TRIP:
                 board.check("ran", ran, True, label)
@@ -777,7 +845,7 @@ async def faults(system: System) -> None:
     await bus.write("system.faults", **dict.fromkeys(bus.registers["system.faults"][1], 1))
     quiet = dict.fromkeys(system.inputs, 0)
     quiet["v_dc"] = 32_000
-    if system.controller == "mpdcc":
+    if system.multilevel:
         quiet |= {"v_ph_a": 16_000, "v_ph_b": 16_000, "v_ph_c": 16_000}
     settings = {
         "watchdog": 60_000, "decision_limit": 59_000, "current_limit": 100,
@@ -809,12 +877,12 @@ async def faults(system: System) -> None:
         for _ in range(150):
             await FallingEdge(dut.clk)
         board.check("running", number(dut.running), 1)
-        if system.controller == "mpdcc":
+        if system.multilevel:
             legs = [gates_of(True, position) for position in last[:3]]
         else:
             # a decision of MPTC is applied with the start that follows it
             legs = [gates_of(False, int(bit)) for bit in SWITCHES[first[0]]]
-        size = 8 if system.controller == "mpdcc" else 2
+        size = 8 if system.multilevel else 2
         wanted = sum(1 << (x * size + gate - 1) for x, leg in enumerate(legs) for gate in leg)
         board.check("gates", number(dut.gates), wanted, f"{first}, {last}")
         shown = await bus.read("system.gates", "gates")
@@ -822,7 +890,7 @@ async def faults(system: System) -> None:
 
     async def off(what: str) -> None:
         """Gates at the rails are off, and all gates when the stop is over."""
-        tabled_leg = system.controller == "mpdcc"
+        tabled_leg = system.multilevel
         rails = 0x090909 if tabled_leg else 0x3F
         board.check(what, (number(dut.running), number(dut.gates) & rails), (0, 0))
         for _ in range(stop_clocks(tabled_leg, settings["dead_time"]) - 1):
@@ -1013,8 +1081,9 @@ async def system(dut) -> None:
     await atomic_commits(under_test, given["rounds"])
     await decisions_and_flags(under_test, given["decisions"])
     if given["controller"] == "mpdcc":
-        await filtered(under_test)
         await estimated(under_test)
+    if under_test.multilevel:
+        await filtered(under_test)
         await switched(under_test)
     await faults(under_test)
     await unmeasured(under_test)
@@ -1038,16 +1107,18 @@ async def system(dut) -> None:
         },
         {"new set": 4, "commits": 4, "flags": 1},
     )
+    board = under_test.board
+    if under_test.multilevel:
+        assert board.checks["filtered"] == 14 * len(FILTERED)
+        assert board.checks["switched"] == STEPS * len(SWITCHED)
+        assert board.checks["taken"] > STEPS
+        assert board.checks["applied"] > STEPS
+        assert board.covered["late commutation"] > 10
+        assert board.covered["moved"] > 20
+        assert board.covered["full"] > 1
     if given["controller"] == "mpdcc":
-        assert under_test.board.checks["filtered"] == 14 * len(FILTERED)
-        assert under_test.board.checks["later"] > 1
-        assert under_test.board.checks["switched"] == STEPS * len(SWITCHED)
-        assert under_test.board.checks["taken"] > STEPS
-        assert under_test.board.checks["applied"] > STEPS
-        assert under_test.board.covered["late commutation"] > 10
-        assert under_test.board.checks["estimated"] == (ESTIMATES + 8) * len(ESTIMATED)
-        assert under_test.board.checks["theta"] > ESTIMATES * len(ESTIMATED) // 2
-        assert under_test.board.covered["scaled"] > ESTIMATES * len(ESTIMATED) // 2
-        assert under_test.board.covered["other decision"] > 4
-        assert under_test.board.covered["moved"] > 20
-        assert under_test.board.covered["full"] > 1
+        assert board.checks["later"] > 1
+        assert board.checks["estimated"] == (ESTIMATES + 8) * len(ESTIMATED)
+        assert board.checks["theta"] > ESTIMATES * len(ESTIMATED) // 2
+        assert board.covered["scaled"] > ESTIMATES * len(ESTIMATED) // 2
+        assert board.covered["other decision"] > 4

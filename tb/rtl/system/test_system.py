@@ -1,6 +1,6 @@
 """Whole systems over AXI4-Lite: registers, atomic commits, decisions, flags, faults.
 
-Sweep: MPDCC (fast, one explorer) and MPTC.
+Sweep: MPDCC (fast, one explorer), K-best (2 plans, 3 stages) and MPTC.
 Stimulus: every register with random words, strobes and pauses on all channels; random parameters
 written and committed at any time while decisions run; decisions from ports and from registers, with
 measured and observed flux, measured and filtered voltages; trips, clears, enables.
@@ -27,6 +27,9 @@ from scripts.hdl.sources import RTL
 from tb.helpers.faults import altered
 from tb.helpers.simulation import Outcome, run
 
+#: Builds that decide quickly.
+GENERICS = {"mpdcc": {"EXPLORERS": 1}, "kbest": {"BEAM": 2, "STAGES": 3}, "mptc": {}}
+
 #: Clocks of an access, whatever else waits.
 LONGEST_ACCESS = 12
 
@@ -38,7 +41,7 @@ def bench(
         f"{controller}_system",
         "tb.rtl.system.bench_system",
         units=[f"{controller}_system"],
-        generics={"EXPLORERS": 1} if controller == "mpdcc" else {},
+        generics=GENERICS[controller],
         arguments={
             "seed": 11,
             "rounds": rounds,
@@ -52,9 +55,9 @@ def bench(
     )
 
 
-@pytest.mark.parametrize("controller", ["mpdcc", "mptc"])
+@pytest.mark.parametrize("controller", GENERICS)
 def test_a_system_does_what_a_host_asks(controller: str) -> None:
-    rounds = {"mpdcc": 60, "mptc": 120}[controller]
+    rounds = {"mpdcc": 60, "kbest": 60, "mptc": 120}[controller]
     found = bench(controller, rounds)
     assert found.checks["one set"] == rounds
     # the master's own clocks included

@@ -20,20 +20,26 @@ AT_REST = 3  # clocks between two decisions
 #: The fast explorer has no use for them.
 WITHOUT_EFFECT = ("c_correction_alpha", "c_correction_beta")
 #: Options beside which a parameter is changed.
-BESIDE = (
-    {},
-    {"two_switchings": 1},
-    {"two_switchings": 1, "compensate": 1},
-    {"deadlock_rule": 1},
-    {"outside_inwards": 1},
-)
+BESIDE = {
+    "mpdcc": (
+        {},
+        {"two_switchings": 1},
+        {"two_switchings": 1, "compensate": 1},
+        {"deadlock_rule": 1},
+        {"outside_inwards": 1},
+    ),
+    "kbest": ({}, {"compensate": 1}),
+}
 TRIES = 2_000  # states that are tried for a decision that a parameter changes
 
 
 def shipped(system: System) -> dict[str, int]:
-    """Parameters of the 6 kV drive, with the observer's."""
-    drive = states.shipped("anpc5l_6kv").with_control(leakage_estimate=True)
-    found = registers.values(drive).words
+    """Parameters of the drive that ships, those of the observers included."""
+    drive = system.shipped()
+    if system.controller == "kbest":
+        found = registers.values(drive).words
+        return {name: found[f"parameters.{name}"] for name in system.words}
+    found = registers.values(drive.with_control(leakage_estimate=True)).words
     return {name: found[f"parameters.{name}"] for name in system.words} | {"l_mode": 0}
 
 
@@ -91,7 +97,8 @@ async def parameters_alone(system: System) -> None:
     for name in (n for n in system.words if not n.startswith(NOT_THE_CORE_S)):
         about, found = system.words[name], False
         for n in range(TRIES):
-            base = shipped_words | BESIDE[n % len(BESIDE)]
+            beside = BESIDE[system.controller]
+            base = shipped_words | beside[n % len(beside)]
             m = system.any_measurements() if rng.random() < 0.4 else state_near(system)
             change = {name: system.any_word(name)}
             if name == "horizon":
@@ -112,17 +119,18 @@ async def parameters_alone(system: System) -> None:
             continue
         await commit(system, base | change)
         await step(system, m)
+        decided = system.follow(base | change, m)
         board.check("alone", system.decided(), decided, f"{name}: {change[name]}, {m}")
         await commit(system, {name: base[name]})
         await step(system, m)
-        board.check("back", system.decided(), system.model(base, m), name)
+        board.check("back", system.decided(), system.follow(base, m), name)
 
 
 async def resets(system: System, rounds: int) -> None:
     """A reset in any clock of a decision or of a commit; what follows is as behind power-up."""
     bus, board, rng, dut = system.bus, system.board, system.rng, system.dut
     base = shipped(system)
-    drive = states.shipped("anpc5l_6kv")
+    drive = system.shipped()
     o = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
     for n in range(rounds):
         compensate, watched = n % 2, n // 2 % 2
@@ -148,6 +156,7 @@ async def resets(system: System, rounds: int) -> None:
         for _ in range(rng.choice([1, 2, 5])):
             await FallingEdge(dut.clk)
         dut.rst.value = 0
+        system.forget()
         where = f"round {n}"
         for _ in range(260):
             await FallingEdge(dut.clk)
@@ -167,7 +176,7 @@ async def resets(system: System, rounds: int) -> None:
             )
             used = dict(m) | dict(zip(("psir_alpha", "psir_beta"), estimate, strict=True))
             used |= dict(zip(POSITIONS, last, strict=True))
-            wanted = system.model(base | {"compensate": compensate}, used)
+            wanted = system.follow(base | {"compensate": compensate}, used)
             clocks, given = await step(system, m)
             where = f"round {n}, decision {k} behind the reset, compensate {compensate}"
             board.check("decision", system.decided(), wanted, where)
@@ -194,11 +203,12 @@ async def forgotten(system: System) -> None:
     """The observer's reset waits for the end of the decision that it meets."""
     bus, board, rng = system.bus, system.board, system.rng
     base = shipped(system)
-    drive = states.shipped("anpc5l_6kv")
+    drive = system.shipped()
     o = rotor_flux_observer.array(rotor_flux_observer.coefficients(drive)[0])
     await commit(system, base)
     await bus.write("system.control", own_positions=0, use_observer=1)
     await bus.write("system.command", reset_observer=1)
+    system.forget()
     flux = np.zeros(rotor_flux_observer.STATE_WORDS, dtype=np.int64)
     for n in range(24):
         m = state_near(system)
@@ -216,9 +226,10 @@ async def forgotten(system: System) -> None:
 
             cocotb.start_soon(meet(rng.randrange(24)))
         await step(system, m)
-        board.check("forgotten", system.decided(), system.model(base, used), f"decision {n}")
+        board.check("forgotten", system.decided(), system.follow(base, used), f"decision {n}")
         if meets:
             flux[:] = 0
+            system.forget()
             await bus.read("system.status", "busy")
 
 
