@@ -2,6 +2,7 @@
 
 identify   who is there, and how its link fares
 load       write a drive file's registers, commit them, read them back
+self-test  provoke every trip of the gate guard that needs no gate; the inverter's supply is off
 run        lock-step closed loop: the board decides, a float64 plant here answers
 monitor    status, faults, cycles and frame counters, again and again
 read       one register by name, field by field

@@ -22,6 +22,7 @@
 --      refused pattern keep no order
 --  12  order of a start (ANPC): S4 comes on only when S2 has been on for a dead time, S1 only when S3 has; S2 and S3
 --      only when one of S5 to S8 has been
+--  13  no decision within decision_limit + 1 clocks of the start that began it: off
 -- Times in force are not seen from outside: the shortest that was asked for since all gates went off is taken, and
 -- LEAST_DEAD_TIME; for property 10 the longest.
 -- Licence: Apache-2.0
@@ -37,8 +38,9 @@ library directmpc;
 
 entity gate_guard_checked is
   generic (
-    TABLED_LEG      : boolean                  := true; -- as gate_guard's
-    LEAST_DEAD_TIME : positive range 1 to 4095 := 2     -- as gate_guard's
+    TABLED_LEG        : boolean                  := true; -- this and all that follows as gate_guard's
+    LEAST_DEAD_TIME   : positive range 1 to 4095 := 2;    -- clocks
+    SECOND_SUPERVISOR : boolean                  := false -- true: two, compared
   );
   port (
     clk            : in    std_logic;                     -- rising edge
@@ -282,8 +284,9 @@ begin
 
   i_guard : entity directmpc.gate_guard
     generic map (
-      TABLED_LEG      => TABLED_LEG,
-      LEAST_DEAD_TIME => LEAST_DEAD_TIME
+      TABLED_LEG        => TABLED_LEG,
+      LEAST_DEAD_TIME   => LEAST_DEAD_TIME,
+      SECOND_SUPERVISOR => SECOND_SUPERVISOR
     )
     port map (
       clk            => clk,

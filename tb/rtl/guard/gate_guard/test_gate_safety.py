@@ -97,6 +97,11 @@ def test_a_fault_is_found(name: str, tmp_path: Path) -> None:
         short_bench(tabled_leg, altered(tmp_path, *fault))
 
 
+def test_a_fault_is_found_in_the_long_run(tmp_path: Path) -> None:
+    with pytest.raises(safety.ViolationError):
+        safety.run(False, CLOCKS, rtl=altered(tmp_path, *SEEDED["watchdog"][1:]))
+
+
 def test_the_interlock_catches_a_wrong_order(tmp_path: Path) -> None:
     # S3 on before S2 is off never reaches the gates
     rtl = altered(tmp_path, "converter_leg", "(3, 7, 1, 2, 4, 0)", "(3, 7, 2, 1, 4, 0)")
