@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     try:
         module = importlib.import_module(f"scripts.commands.{known[given[0]].stem}")
-        return module.COMMAND.main(given[1:])
+        return module.cli.main(given[1:])
     except ValueError as error:
         from directmpc.converter import ConverterError  # not above: numerics come with it
 

@@ -12,26 +12,22 @@ from rich.console import Console
 from scripts.hdl.boards import BOARDS, BUILDS, RECORDER_ROWS
 from scripts.measure import bitstream
 from scripts.publish import kept
-from scripts.shared.command import Command, UsageError, count
+from scripts.shared.command import UsageError, command, count, option
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--board", choices=sorted(BOARDS))
-    parser.add_argument("--controller", choices=tuple(BUILDS), default="mpdcc")
-    parser.add_argument("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
-    parser.add_argument(
-        "--seeds", type=count, default=bitstream.SEEDS, help="placements that have to meet timing"
-    )
-    parser.add_argument("--jobs", type=count, default=1, help="placements at a time")
-    parser.add_argument("--twice", action="store_true", help="build again from nothing and compare")
-    parser.add_argument(
-        "--recorder", type=int, default=0, metavar="ROWS", choices=RECORDER_ROWS,
-        help="with a recorder of so many steps, in build/bitstream/recorder",
-    )  # fmt: skip
-    parser.add_argument("--page", action="store_true", help="write reports/bitstreams.md's table")
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command()
+@option("--board", choices=sorted(BOARDS))
+@option("--controller", choices=tuple(BUILDS), default="mpdcc")
+@option("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
+@option("--seeds", type=count, default=bitstream.SEEDS, help="placements that have to meet timing")
+@option("--jobs", type=count, default=1, help="placements at a time")
+@option("--twice", action="store_true", help="build again from nothing and compare")
+@option(
+    "--recorder", type=int, default=0, metavar="ROWS", choices=RECORDER_ROWS,
+    help="with a recorder of so many steps, in build/bitstream/recorder",
+)  # fmt: skip
+@option("--page", action="store_true", help="write reports/bitstreams.md's table")
+def cli(given: argparse.Namespace) -> int | None:
     if given.page:
         # the board of the last name first, as on the page
         files = sorted(bitstream.FOLDER.glob("*.result.json"), reverse=True)
@@ -48,6 +44,3 @@ def _run(given: argparse.Namespace) -> int | None:
     console.print(bitstream.table(found))
     console.print(f"openFPGALoader -b ulx3s {bit}", soft_wrap=True)
     return 0
-
-
-COMMAND = Command("bitstream", __doc__, _arguments, _run)

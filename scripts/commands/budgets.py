@@ -7,17 +7,15 @@ import sys
 
 from scripts.measure import budgets, check
 from scripts.publish import report
-from scripts.shared.command import Command, count
+from scripts.shared.command import command, count, option
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("only", nargs="*", help="words; only configurations with one in their name")
-    parser.add_argument("--jobs", type=count, default=2)
-    parser.add_argument("--no-cycles", action="store_true", help="do not simulate the cores")
-    parser.add_argument("--page", action="store_true", help="only reports/resources.md")
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command(failed=1)
+@option("only", nargs="*", help="words; only configurations with one in their name")
+@option("--jobs", type=count, default=2)
+@option("--no-cycles", action="store_true", help="do not simulate the cores")
+@option("--page", action="store_true", help="only reports/resources.md")
+def cli(given: argparse.Namespace) -> int | None:
     if given.page:
         problems = budgets.write_page()
     else:
@@ -33,6 +31,3 @@ def _run(given: argparse.Namespace) -> int | None:
     for line in problems:
         print(f"budgets: {line}", file=sys.stderr)
     return 1 if problems else 0
-
-
-COMMAND = Command("budgets", __doc__, _arguments, _run, failed=1)

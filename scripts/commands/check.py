@@ -13,40 +13,10 @@ from directmpc.output_files import check_output
 from scripts.hdl.mpdcc_simulation import EXPLORERS
 from scripts.measure import check
 from scripts.shared import tools
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import UsageError, command, option
 
 CHOICES = ("explorers", "variant", "family")
 """Arguments that a baseline holds; they are given when one is written."""
-
-
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--baseline", type=Path, action="append", metavar="FILE",
-        help="baseline (TOML); may be given several times; the project's own without it",
-    )  # fmt: skip
-    parser.add_argument(
-        "--drive",
-        type=Path,
-        help="drive file (TOML), or the name of a shipped one; the baseline's without it",
-    )
-    parser.add_argument("--trace", type=Path, help="trace (CSV); the baseline's without it")
-    parser.add_argument("--junit", type=Path, help="JUnit XML to write")
-    parser.add_argument("--json", type=Path, help="JSON to write")
-    parser.add_argument(
-        "--write-baseline", action="store_true", help="measure and write the baselines"
-    )
-    parser.add_argument(
-        "--explorers", type=int, choices=EXPLORERS, metavar="1..8",
-        help="with --write-baseline; mpdcc drives alone; 2",
-    )  # fmt: skip
-    parser.add_argument(
-        "--variant", choices=tuple(VARIANTS),
-        help="with --write-baseline; mpdcc drives alone; fast",
-    )  # fmt: skip
-    parser.add_argument(
-        "--family", choices=get_args(check.Family),
-        help=f"with --write-baseline: family of the synthesis; {check.DEFAULT_FAMILY}",
-    )  # fmt: skip
 
 
 def _requested(path: Path, given: argparse.Namespace) -> tuple[check.Request, check.Tolerance]:
@@ -75,7 +45,33 @@ def _write(paths: list[Path], given: argparse.Namespace) -> int:
     return 0
 
 
-def _run(given: argparse.Namespace) -> int | None:
+@command(failed=1, interrupted="nothing was written", outputs=("junit", "json"))
+@option(
+    "--baseline", type=Path, action="append", metavar="FILE",
+    help="baseline (TOML); may be given several times; the project's own without it",
+)  # fmt: skip
+@option(
+    "--drive",
+    type=Path,
+    help="drive file (TOML), or the name of a shipped one; the baseline's without it",
+)
+@option("--trace", type=Path, help="trace (CSV); the baseline's without it")
+@option("--junit", type=Path, help="JUnit XML to write")
+@option("--json", type=Path, help="JSON to write")
+@option("--write-baseline", action="store_true", help="measure and write the baselines")
+@option(
+    "--explorers", type=int, choices=EXPLORERS, metavar="1..8",
+    help="with --write-baseline; mpdcc drives alone; 2",
+)  # fmt: skip
+@option(
+    "--variant", choices=tuple(VARIANTS),
+    help="with --write-baseline; mpdcc drives alone; fast",
+)  # fmt: skip
+@option(
+    "--family", choices=get_args(check.Family),
+    help=f"with --write-baseline: family of the synthesis; {check.DEFAULT_FAMILY}",
+)  # fmt: skip
+def cli(given: argparse.Namespace) -> int | None:
     paths = given.baseline or check.own_baselines()
     given.drive = given.drive and check.shipped_file(given.drive)
     if len(paths) != 1 and (given.drive or given.trace):
@@ -104,9 +100,3 @@ def _run(given: argparse.Namespace) -> int | None:
         for case in suite.failed:
             print(f"check: {suite.file}: {case.key}: {case.message}", file=sys.stderr)
     return 1 if any(suite.failed for suite in suites) else 0
-
-
-COMMAND = Command(
-    "check", __doc__, _arguments, _run, failed=1,
-    interrupted="nothing was written", outputs=("junit", "json"),
-)  # fmt: skip

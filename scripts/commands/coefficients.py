@@ -9,21 +9,16 @@ import sys
 from directmpc.api.drive_file import load_mpdcc_drive
 from directmpc.mpdcc import formats
 from directmpc.mpdcc.coefficients import format_csv, format_table, registers
-from scripts.shared.command import Command, InputError
+from scripts.shared.command import InputError, command, option
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("drive", help="drive file (TOML)")
-    parser.add_argument("--csv", action="store_true", help="comma-separated, for a program to read")
-    parser.add_argument(
-        "--variant",
-        choices=sorted(formats.BOUND_HIGH),
-        default="fast",
-        help="explorers of the core",
-    )
-
-
-def _run(given: argparse.Namespace) -> None:
+@command()
+@option("drive", help="drive file (TOML)")
+@option("--csv", action="store_true", help="comma-separated, for a program to read")
+@option(
+    "--variant", choices=sorted(formats.BOUND_HIGH), default="fast", help="explorers of the core"
+)
+def cli(given: argparse.Namespace) -> None:
     drive = load_mpdcc_drive(given.drive)
     try:
         values = registers(drive, given.variant)
@@ -33,6 +28,3 @@ def _run(given: argparse.Namespace) -> None:
         print(format_csv(values) if given.csv else format_table(values), flush=True)
     except BrokenPipeError:  # a reader such as head has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-COMMAND = Command("coefficients", __doc__, _arguments, _run)

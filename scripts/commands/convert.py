@@ -13,25 +13,8 @@ from pathlib import Path
 from scripts.hdl import agreement, sources
 from scripts.hdl.conversion import DesignError
 from scripts.shared import progress, tools
-from scripts.shared.command import Command, InputError
+from scripts.shared.command import InputError, command, option
 from scripts.shared.tools import ToolError
-
-
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--top", required=True, help="entity, of the project or of your files")
-    parser.add_argument(
-        "files", nargs="*", type=Path, metavar="FILE",
-        help="VHDL of your own in any order; it finds the cores in the library work or directmpc",
-    )  # fmt: skip
-    parser.add_argument(
-        "-g", action="append", default=[], metavar="NAME=VALUE",
-        help="a generic of the top: an integer, true or false",
-    )  # fmt: skip
-    parser.add_argument("--out", type=Path, help="Verilog file; below build/verilog without it")
-    parser.add_argument(
-        "--std", choices=["93", "08"],
-        help="VHDL-93 or VHDL-2008; without it, 08 for your files and what the cores need else",
-    )  # fmt: skip
 
 
 def _read(own: list[Path]) -> list[Path]:
@@ -39,7 +22,22 @@ def _read(own: list[Path]) -> list[Path]:
     return [path for path in (*own, *sources.rtl_files()) if path.exists()]
 
 
-def _run(given: argparse.Namespace) -> int | None:
+@command(failed=1)
+@option("--top", required=True, help="entity, of the project or of your files")
+@option(
+    "files", nargs="*", type=Path, metavar="FILE",
+    help="VHDL of your own in any order; it finds the cores in the library work or directmpc",
+)  # fmt: skip
+@option(
+    "-g", action="append", default=[], metavar="NAME=VALUE",
+    help="a generic of the top: an integer, true or false",
+)  # fmt: skip
+@option("--out", type=Path, help="Verilog file; below build/verilog without it")
+@option(
+    "--std", choices=["93", "08"],
+    help="VHDL-93 or VHDL-2008; without it, 08 for your files and what the cores need else",
+)  # fmt: skip
+def cli(given: argparse.Namespace) -> int | None:
     std = given.std or ("08" if given.files else None)
     try:
         generics = tools.parse_generics(given.g)
@@ -57,6 +55,3 @@ def _run(given: argparse.Namespace) -> int | None:
         raise InputError(str(error)) from None
     print(f"{out}: {repairs}; {said}")
     return 0
-
-
-COMMAND = Command("convert", __doc__, _arguments, _run, failed=1)

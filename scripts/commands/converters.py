@@ -5,16 +5,14 @@ from __future__ import annotations
 import argparse
 
 from scripts.shared import tables
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import UsageError, command, option
 from scripts.studies import converters
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--seeds", type=int, default=5, help="placements of each; 0: none")
-    parser.add_argument("--page", action="store_true", help="write the table of docs/converters.md")
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command()
+@option("--seeds", type=int, default=5, help="placements of each; 0: none")
+@option("--page", action="store_true", help="write the table of docs/converters.md")
+def cli(given: argparse.Namespace) -> int | None:
     if given.seeds < 0:
         raise UsageError(f"argument --seeds: got {given.seeds}; at least 0 is needed")
     found = converters.table(given.seeds)
@@ -22,6 +20,3 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.page:
         tables.rewrite(converters.PAGE, {(converters.BEGIN, converters.END): found})
     return 0
-
-
-COMMAND = Command("converters", __doc__, _arguments, _run)

@@ -8,25 +8,21 @@ from pathlib import Path
 
 from scripts.publish import evidence, kept
 from scripts.shared import tools
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import UsageError, command, option
 from scripts.studies.coverage import goals, rtl
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("only", nargs="*", help=f"parts: {', '.join(goals.PARTS)}; all without")
-    parser.add_argument(
-        "--netlist", action="append", default=[], help="of the VHDL only this one; repeatable"
-    )
-    parser.add_argument("--goals", type=Path, default=goals.GOALS, help="what has to be reached")
-    parser.add_argument(
-        "--page",
-        action="store_true",
-        help="store the parts and write their tables, if all goals are reached",
-    )
-    parser.add_argument("--out", type=Path, default=goals.RESULTS)
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command(failed=1, interrupted="run it again to go on")
+@option("only", nargs="*", help=f"parts: {', '.join(goals.PARTS)}; all without")
+@option("--netlist", action="append", default=[], help="of the VHDL only this one; repeatable")
+@option("--goals", type=Path, default=goals.GOALS, help="what has to be reached")
+@option(
+    "--page",
+    action="store_true",
+    help="store the parts and write their tables, if all goals are reached",
+)
+@option("--out", type=Path, default=goals.RESULTS)
+def cli(given: argparse.Namespace) -> int | None:
     for what, words, known in (
         ("part", given.only, goals.PARTS),
         ("netlist", given.netlist, rtl.RUNS),
@@ -50,13 +46,3 @@ def _run(given: argparse.Namespace) -> int | None:
     if not problems:
         print("coverage: every goal is reached")
     return 1 if problems else 0
-
-
-COMMAND = Command(
-    "coverage",
-    __doc__,
-    _arguments,
-    _run,
-    failed=1,
-    interrupted="run it again to go on",
-)

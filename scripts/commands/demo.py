@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import argparse
 import functools
 
-from directmpc.scope import command
+from directmpc.scope import command as page
 from scripts.commands.scope import served
-from scripts.shared.command import Command
+from scripts.shared.command import command
 
-COMMAND = Command(
-    "demo", __doc__, functools.partial(command.add_arguments, demo=True), served, failed=1
-)
+
+@command(functools.partial(page.add_arguments, demo=True), failed=1)
+def cli(given: argparse.Namespace) -> int:
+    """Serve the page of a demonstration."""
+    return served(given)

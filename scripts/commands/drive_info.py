@@ -13,14 +13,7 @@ from rich.table import Table
 from directmpc.api.data_sheet import data_sheet, doubts
 from directmpc.api.drive_file import load_drive
 from directmpc.drive_tables import keys_of
-from scripts.shared.command import Command
-
-
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("drive", help="drive file, or the name of a shipped one")
-    parser.add_argument(
-        "--file", action="store_true", help="print the file instead, without units: MPDCC per unit"
-    )
+from scripts.shared.command import command, option
 
 
 def _value(value: Any) -> str:
@@ -41,7 +34,10 @@ def _file(drive: Any) -> str:
     return "\n".join(lines)
 
 
-def _run(given: argparse.Namespace) -> int | None:
+@command(outputs=())
+@option("drive", help="drive file, or the name of a shipped one")
+@option("--file", action="store_true", help="print the file instead, without units: MPDCC per unit")
+def cli(given: argparse.Namespace) -> int | None:
     drive = load_drive(given.drive)
     if given.file:
         print(_file(drive))
@@ -57,6 +53,3 @@ def _run(given: argparse.Namespace) -> int | None:
     for doubt in doubts(drive):
         print(f"drive-info: warning: {doubt}", file=sys.stderr)
     return 0
-
-
-COMMAND = Command("drive-info", __doc__, _arguments, _run, outputs=())

@@ -11,22 +11,13 @@ from directmpc.host.console import terminable
 from scripts.hdl import replay
 from scripts.publish import kept
 from scripts.shared import progress, tools
-from scripts.shared.command import Command
+from scripts.shared.command import command, option
 from scripts.studies import field_bench as study
 
 OUT = tools.BUILD / "field-bench"
 
 ON_RTL = ("mpdcc-6kv-se-full-speed", "two-level-mptc")
 """Sets that our RTL decides on too, one of each controller; a simulation of half a minute each."""
-
-
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--out", type=Path, default=OUT, help="folder to make or to make anew")
-    parser.add_argument("--steps", type=int, default=study.STEPS, help="rows of each set")
-    parser.add_argument(
-        "--publish", action="store_true",
-        help=f"score our bit-true models and our RTL on it, and write {study.PAGE.name}",
-    )  # fmt: skip
 
 
 def _own(bench: Path, sets: dict[str, Any]) -> list[tuple[str, str, dict[str, Any]]]:
@@ -61,7 +52,14 @@ def _on_rtl(bench: Path) -> list[tuple[str, str, dict[str, Any]]]:
     return found
 
 
-def _run(given: argparse.Namespace) -> int | None:
+@command(outputs=(), folders=("out",))
+@option("--out", type=Path, default=OUT, help="folder to make or to make anew")
+@option("--steps", type=int, default=study.STEPS, help="rows of each set")
+@option(
+    "--publish", action="store_true",
+    help=f"score our bit-true models and our RTL on it, and write {study.PAGE.name}",
+)  # fmt: skip
+def cli(given: argparse.Namespace) -> int | None:
     with terminable():
         manifest = study.build(given.out, given.steps)
         print(f"{given.out}: {len(manifest['sets'])} sets of {given.steps} rows")
@@ -69,6 +67,3 @@ def _run(given: argparse.Namespace) -> int | None:
             kept.keep_field_bench(_own(given.out, manifest["sets"]), _on_rtl(given.out))
             print(kept.field_bench_page())
     return 0
-
-
-COMMAND = Command("field-bench", __doc__, _arguments, _run, outputs=(), folders=("out",))

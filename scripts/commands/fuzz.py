@@ -7,19 +7,17 @@ import sys
 from pathlib import Path
 
 from scripts.shared import progress
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import UsageError, command, option
 from scripts.shared.tools import BUILD, replacing
 from scripts.studies import fuzz
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("only", nargs="*", help=f"targets: {', '.join(fuzz.TARGETS)}; all without")
-    parser.add_argument("--minutes", type=float, default=5.0, help="for all targets together")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=BUILD / "fuzz", help="folder of the findings")
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command(failed=1, outputs=(), folders=("out",))
+@option("only", nargs="*", help=f"targets: {', '.join(fuzz.TARGETS)}; all without")
+@option("--minutes", type=float, default=5.0, help="for all targets together")
+@option("--seed", type=int, default=1)
+@option("--out", type=Path, default=BUILD / "fuzz", help="folder of the findings")
+def cli(given: argparse.Namespace) -> int | None:
     if unknown := [name for name in given.only if name not in fuzz.TARGETS]:
         raise UsageError(f"no target '{unknown[0]}'; there are: {', '.join(fuzz.TARGETS)}")
     if not given.minutes > 0:
@@ -46,6 +44,3 @@ def _run(given: argparse.Namespace) -> int | None:
             print(f"fuzz: {path}:\n{found.says}", file=sys.stderr)
         failed |= bool(findings)
     return 1 if failed else 0
-
-
-COMMAND = Command("fuzz", __doc__, _arguments, _run, failed=1, outputs=(), folders=("out",))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 
-from scripts.shared.command import Command
+from scripts.shared.command import command, option
 
 #: Modules of `scripts.generate`, in the order in which they need one another.
 GENERATORS = (
@@ -23,17 +23,12 @@ GENERATORS = (
 )
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "only", nargs="*", choices=(*GENERATORS, []), metavar="GENERATOR",
-        help=f"one or more of {', '.join(GENERATORS)}; all without it",
-    )  # fmt: skip
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command()
+@option(
+    "only", nargs="*", choices=(*GENERATORS, []), metavar="GENERATOR",
+    help=f"one or more of {', '.join(GENERATORS)}; all without it",
+)  # fmt: skip
+def cli(given: argparse.Namespace) -> int | None:
     for name in given.only or GENERATORS:
         importlib.import_module(f"scripts.generate.{name}").write()
     return 0
-
-
-COMMAND = Command("generate", __doc__, _arguments, _run)

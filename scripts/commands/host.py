@@ -3,4 +3,4 @@
 from directmpc.host.__main__ import main
 from scripts.shared.command import Program
 
-COMMAND = Program(main)
+cli = Program(main)

@@ -8,15 +8,13 @@ from pathlib import Path
 
 from scripts.publish import layers
 from scripts.shared import tools
-from scripts.shared.command import Command
+from scripts.shared.command import command, option
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--out", type=Path, default=layers.PICTURE, help="picture (SVG)")
-    parser.add_argument("--check", action="store_true", help="compare, write nothing")
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command(formats={"out": ".svg"})
+@option("--out", type=Path, default=layers.PICTURE, help="picture (SVG)")
+@option("--check", action="store_true", help="compare, write nothing")
+def cli(given: argparse.Namespace) -> int | None:
     text = layers.text()
     if given.check:
         current = given.out.exists() and given.out.read_text(encoding="utf-8") == text
@@ -26,6 +24,3 @@ def _run(given: argparse.Namespace) -> int | None:
     tools.write(given.out, text)
     print(given.out)
     return 0
-
-
-COMMAND = Command("layers", __doc__, _arguments, _run, formats={"out": ".svg"})

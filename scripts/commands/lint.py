@@ -9,12 +9,7 @@ from __future__ import annotations
 import argparse
 
 from scripts.measure import checks
-from scripts.shared.command import Command, UsageError
-
-
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--fix", action="store_true", help="rewrite instead of checking")
-    parser.add_argument("only", nargs="*", help="words; only checks with one of them in their name")
+from scripts.shared.command import UsageError, command, option
 
 
 def _fix() -> int:
@@ -23,7 +18,10 @@ def _fix() -> int:
     return 0 if clean else 1
 
 
-def _lint(given: argparse.Namespace) -> int | None:
+@command(failed=1)
+@option("--fix", action="store_true", help="rewrite instead of checking")
+@option("only", nargs="*", help="words; only checks with one of them in their name")
+def cli(given: argparse.Namespace) -> int | None:
     if given.fix:
         return _fix()
     names = checks.named(given.only)
@@ -40,6 +38,3 @@ def _lint(given: argparse.Namespace) -> int | None:
     if failed:
         print(f"lint: {failed} of {len(names)} checks failed")
     return 1 if failed else 0
-
-
-COMMAND = Command("lint", __doc__, _arguments, _lint, failed=1)

@@ -5,21 +5,19 @@ from __future__ import annotations
 import argparse
 
 from scripts.shared import progress, tables
-from scripts.shared.command import Command, count
+from scripts.shared.command import command, count, option
 from scripts.studies import mptc_machines
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--periods",
-        type=count,
-        default=mptc_machines.PERIOD_COUNT,
-        help="of each machine and method (default: %(default)s)",
-    )
-    parser.add_argument("--page", action="store_true", help="write the table into reports/mptc.md")
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command()
+@option(
+    "--periods",
+    type=count,
+    default=mptc_machines.PERIOD_COUNT,
+    help="of each machine and method (default: %(default)s)",
+)
+@option("--page", action="store_true", help="write the table into reports/mptc.md")
+def cli(given: argparse.Namespace) -> int | None:
     with progress.busy("decisions of every method on four machines"):
         found = mptc_machines.sweep(given.periods)
     if given.page:
@@ -28,6 +26,3 @@ def _run(given: argparse.Namespace) -> int | None:
     else:
         print(mptc_machines.table(found))
     return 0
-
-
-COMMAND = Command("mptc-machines", __doc__, _arguments, _run)

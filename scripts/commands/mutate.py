@@ -9,30 +9,28 @@ from pathlib import Path
 from directmpc.host.console import terminable
 from scripts.measure import mutation
 from scripts.publish import evidence
-from scripts.shared import workers
-from scripts.shared.command import Command, count
+from scripts.shared.command import command, count, option, scheduled
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("only", nargs="*", metavar="ENTITY", help="entities; all without")
-    parser.add_argument("--sample", type=count, default=mutation.SAMPLE, help="mutants of each")
-    parser.add_argument("--jobs", type=count, default=2, help="entities at a time")
-    parser.add_argument("--anew", action="store_true", help="run what has results already, too")
-    parser.add_argument("--publish", action="store_true", help="only publish, run nothing")
-    parser.add_argument(
-        "--out", type=Path, default=mutation.RESULTS, help="folder of the results; a file for each"
-    )
-    parser.add_argument(
-        "--page",
-        type=Path,
-        default=mutation.PAGE,
-        help="page of the tables, with the badge beside",
-    )
-    parser.add_argument("--metrics", type=Path, default=mutation.METRICS, help="file of figures")
-    workers.add_arguments(parser)
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command(
+    failed=1,
+    interrupted="run it again to go on",
+    outputs=(),
+    folders=("out",),
+    growing=("page", "metrics"),
+)
+@option("only", nargs="*", metavar="ENTITY", help="entities; all without")
+@option("--sample", type=count, default=mutation.SAMPLE, help="mutants of each")
+@option("--jobs", type=count, default=2, help="entities at a time")
+@option("--anew", action="store_true", help="run what has results already, too")
+@option("--publish", action="store_true", help="only publish, run nothing")
+@option("--out", type=Path, default=mutation.RESULTS, help="folder of the results; a file for each")
+@option(
+    "--page", type=Path, default=mutation.PAGE, help="page of the tables, with the badge beside"
+)
+@option("--metrics", type=Path, default=mutation.METRICS, help="file of figures")
+@scheduled
+def cli(given: argparse.Namespace) -> int | None:
     units = mutation.listed()
     chosen = mutation.named(given.only, units)
     if not given.publish:
@@ -63,16 +61,3 @@ def _run(given: argparse.Namespace) -> int | None:
     if more := mutation.unlisted(units):
         print(f"mutate: not in {mutation.LIST.name}: {', '.join(more)}", file=sys.stderr)
     return 0
-
-
-COMMAND = Command(
-    "mutate",
-    __doc__,
-    _arguments,
-    _run,
-    failed=1,
-    interrupted="run it again to go on",
-    outputs=(),
-    folders=("out",),
-    growing=("page", "metrics"),
-)

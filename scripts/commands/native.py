@@ -17,7 +17,7 @@ from directmpc.native import NativeError, library
 from directmpc.states import Decision, State
 from scripts.hdl import native
 from scripts.shared import progress
-from scripts.shared.command import Command
+from scripts.shared.command import command, option
 from scripts.shared.tools import ToolError, version
 
 #: Decisions that a rate is taken over, and the drives.
@@ -30,17 +30,6 @@ def _design(name: str) -> str:
     if name not in native.DESIGNS:
         raise argparse.ArgumentTypeError(f"got {name!r}; it must be of {', '.join(native.DESIGNS)}")
     return name
-
-
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "designs", nargs="*", type=_design, metavar="DESIGN",
-        help=f"{', '.join(native.DESIGNS)}; all without one",
-    )  # fmt: skip
-    parser.add_argument(
-        "--rates", action="store_true",
-        help="print decisions a second of one core instead, in Python and in FMPy",
-    )  # fmt: skip
 
 
 def _rate(work: Callable[[], object]) -> float:
@@ -99,7 +88,16 @@ def _rates(drive: Drive | MptcDrive) -> list[float]:
     return found
 
 
-def _run(given: argparse.Namespace) -> int | None:
+@command(failed=1)
+@option(
+    "designs", nargs="*", type=_design, metavar="DESIGN",
+    help=f"{', '.join(native.DESIGNS)}; all without one",
+)  # fmt: skip
+@option(
+    "--rates", action="store_true",
+    help="print decisions a second of one core instead, in Python and in FMPy",
+)  # fmt: skip
+def cli(given: argparse.Namespace) -> int | None:
     try:
         if given.rates:
             tools_ = library.verilator().version, version(library.compiler()[0])
@@ -117,6 +115,3 @@ def _run(given: argparse.Namespace) -> int | None:
     except NativeError as error:
         raise ToolError(str(error)) from None
     return 0
-
-
-COMMAND = Command("native", __doc__, _arguments, _run, failed=1)

@@ -7,22 +7,16 @@ from pathlib import Path
 
 from scripts.hdl import netlist_check
 from scripts.shared import progress, tools
-from scripts.shared.command import Command
+from scripts.shared.command import command, option
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("top", help="entity")
-    parser.add_argument("-g", action="append", default=[], metavar="NAME=VALUE", help="a generic")
-    parser.add_argument(
-        "--ports", type=Path, help='JSON: {"inputs": {name: width}, "outputs": ..., "hold": []}'
-    )
-    parser.add_argument(
-        "--vectors", type=Path, required=True, help='lines {"inputs":, "outputs":, "cycles":}'
-    )
-    parser.add_argument("--seed", type=int, default=1, help="of inputs between transactions")
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command()
+@option("top", help="entity")
+@option("-g", action="append", default=[], metavar="NAME=VALUE", help="a generic")
+@option("--ports", type=Path, help='JSON: {"inputs": {name: width}, "outputs": ..., "hold": []}')
+@option("--vectors", type=Path, required=True, help='lines {"inputs":, "outputs":, "cycles":}')
+@option("--seed", type=int, default=1, help="of inputs between transactions")
+def cli(given: argparse.Namespace) -> int | None:
     generics = tools.parse_generics(given.g)
     with progress.busy(f"{given.top} in Verilator"):
         result = netlist_check.check_file(
@@ -36,6 +30,3 @@ def _run(given: argparse.Namespace) -> int | None:
         f"{result.clocks_per_second / 1e6:.2f} million clocks/s"
     )
     return 1 if result.mismatches else 0
-
-
-COMMAND = Command("netlist-check", __doc__, _arguments, _run)

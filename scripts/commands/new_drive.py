@@ -10,21 +10,7 @@ from directmpc.api.nameplate import Nameplate
 from directmpc.output_files import check_output
 from scripts.generate import drive_template
 from scripts.shared import tools
-from scripts.shared.command import Command, InputError, UsageError
-
-
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "controller", choices=tuple(drive_template.EXAMPLES), help="controller of the drive"
-    )
-    parser.add_argument("file", type=Path, help="file to write; it may not exist, its folder must")
-    parser.add_argument(
-        "--nameplate",
-        metavar="NAME=VALUE,...",
-        help="estimate an induction machine from its name plate: power (kW), voltage (V, line to "
-        "line), current (A), cos_phi, speed (r/min), breakdown (breakdown torque over rated), and "
-        "frequency (Hz; 50 without); voltage and current of the connection in use, star or delta",
-    )
+from scripts.shared.command import InputError, UsageError, command, option
 
 
 def _plate(text: str) -> Nameplate:
@@ -46,7 +32,17 @@ def _plate(text: str) -> Nameplate:
     return Nameplate(**found | {"power": 1e3 * found["power"]})
 
 
-def _run(given: argparse.Namespace) -> int | None:
+@command(outputs=())
+@option("controller", choices=tuple(drive_template.EXAMPLES), help="controller of the drive")
+@option("file", type=Path, help="file to write; it may not exist, its folder must")
+@option(
+    "--nameplate",
+    metavar="NAME=VALUE,...",
+    help="estimate an induction machine from its name plate: power (kW), voltage (V, line to "
+    "line), current (A), cos_phi, speed (r/min), breakdown (breakdown torque over rated), and "
+    "frequency (Hz; 50 without); voltage and current of the connection in use, star or delta",
+)
+def cli(given: argparse.Namespace) -> int | None:
     path = given.file
     if path.exists() or path.is_symlink():
         raise InputError(f"{path}: exists and stays as it is; a new name is needed")
@@ -62,6 +58,3 @@ def _run(given: argparse.Namespace) -> int | None:
         print(text)
     print(f"{path}: put in your drive's values; docs/drive-file.md says how to get them")
     return 0
-
-
-COMMAND = Command("new-drive", __doc__, _arguments, _run, outputs=())

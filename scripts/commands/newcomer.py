@@ -9,18 +9,8 @@ from pathlib import Path
 
 from scripts.publish import newcomer, release
 from scripts.shared import tools
-from scripts.shared.command import Command, InputError
+from scripts.shared.command import InputError, command, option
 from scripts.shared.tools import ROOT
-
-
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--log", type=Path, default=newcomer.LOG, help="output of scripts/newcomers_path.sh"
-    )
-    parser.add_argument(
-        "--wheel", action="store_true",
-        help="make the wheel of the last commit, and take the way with it on a bare machine",
-    )  # fmt: skip
 
 
 def _measure() -> None:
@@ -37,12 +27,15 @@ def _measure() -> None:
         raise InputError(f"{machine.name} ended with {done.returncode}; nothing was stored")
 
 
-def _run(given: argparse.Namespace) -> int | None:
+@command(outputs=())
+@option("--log", type=Path, default=newcomer.LOG, help="output of scripts/newcomers_path.sh")
+@option(
+    "--wheel", action="store_true",
+    help="make the wheel of the last commit, and take the way with it on a bare machine",
+)  # fmt: skip
+def cli(given: argparse.Namespace) -> int | None:
     if given.wheel:
         _measure()
     newcomer.keep(given.log, way=newcomer.WAYS[given.wheel])
     newcomer.page()
     return 0
-
-
-COMMAND = Command("newcomer", __doc__, _arguments, _run, outputs=())

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import argparse
 
-from scripts.shared.command import Command
+from scripts.shared.command import command, option
 from scripts.shared.tools import ROOT
 from scripts.studies import observer
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--drive", default=str(ROOT / "drives" / "anpc5l_6kv.toml"))
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command()
+@option("--drive", default=str(ROOT / "drives" / "anpc5l_6kv.toml"))
+def cli(given: argparse.Namespace) -> int | None:
     observer.study(given.drive)
     return 0
-
-
-COMMAND = Command("observer", __doc__, _arguments, _run)

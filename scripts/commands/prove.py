@@ -12,16 +12,14 @@ from rich.table import Table
 from scripts.measure import proofs
 from scripts.measure.ranges import table as ranges
 from scripts.shared import tools
-from scripts.shared.command import Command, count
+from scripts.shared.command import command, count, option
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("only", nargs="*", help="entities; all without")
-    parser.add_argument("--jobs", type=count, default=2)
-    parser.add_argument("--out", type=Path, default=proofs.RESULTS)
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command(failed=1)
+@option("only", nargs="*", help="entities; all without")
+@option("--jobs", type=count, default=2)
+@option("--out", type=Path, default=proofs.RESULTS)
+def cli(given: argparse.Namespace) -> int | None:
     everything = proofs.listed()
     known = {check.entity for check in ranges.CHECKS}
     of_ranges = [check for check in ranges.CHECKS if not given.only or check.entity in given.only]
@@ -57,6 +55,3 @@ def _run(given: argparse.Namespace) -> int | None:
     for problem in problems:
         print(f"prove: {problem}", file=sys.stderr)
     return 1 if problems else 0
-
-
-COMMAND = Command("prove", __doc__, _arguments, _run, failed=1)

@@ -3,4 +3,4 @@
 from directmpc.host import registers
 from scripts.shared.command import Program
 
-COMMAND = Program(registers.main)
+cli = Program(registers.main)

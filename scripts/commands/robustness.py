@@ -7,8 +7,7 @@ import os
 from pathlib import Path
 
 from scripts.publish import noise
-from scripts.shared import workers
-from scripts.shared.command import Command, count
+from scripts.shared.command import command, count, option, scheduled
 from scripts.studies import (
     mptc_robustness,
     noise_decisions,
@@ -18,38 +17,39 @@ from scripts.studies import (
 )
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--jobs", type=count, default=os.cpu_count() or 1, help="processes")
-    parser.add_argument("--steps", type=count, default=robustness.STEPS)
-    parser.add_argument("--starts", type=count, default=robustness.STARTS)
-    parser.add_argument("--random", type=count, default=robustness.RANDOM, help="random drives")
-    parser.add_argument("--anew", action="store_true", help="run what the file has already, too")
-    parser.add_argument("--out", type=Path, default=robustness.REPORT, help="file of the loops")
-    parser.add_argument(
-        "--mptc-out", type=Path, default=mptc_robustness.REPORT,
-        help="file of the loops of MPTC and MPFC",
-    )  # fmt: skip
-    parser.add_argument(
-        "--decisions-out", type=Path, default=noise_decisions.REPORT,
-        help="file of the decisions beside the ideal controller's",
-    )  # fmt: skip
-    parser.add_argument(
-        "--random-decisions-out", type=Path, default=random_decisions.REPORT,
-        help="file of the RTL's decisions on random drives",
-    )  # fmt: skip
-    parser.add_argument(
-        "--rules-out", type=Path, default=outside_rules.REPORT,
-        help="file of the rules for what starts outside its bound",
-    )  # fmt: skip
-    parser.add_argument("--page", type=Path, default=robustness.PAGE, help="page of the tables")
-    parser.add_argument(
-        "--tables", action="store_true",
-        help="rewrite tables and picture from the stored files only",
-    )  # fmt: skip
-    workers.add_arguments(parser)
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command(
+    outputs=(),
+    growing=("out", "mptc_out", "decisions_out", "random_decisions_out", "rules_out", "page"),
+)
+@option("--jobs", type=count, default=os.cpu_count() or 1, help="processes")
+@option("--steps", type=count, default=robustness.STEPS)
+@option("--starts", type=count, default=robustness.STARTS)
+@option("--random", type=count, default=robustness.RANDOM, help="random drives")
+@option("--anew", action="store_true", help="run what the file has already, too")
+@option("--out", type=Path, default=robustness.REPORT, help="file of the loops")
+@option(
+    "--mptc-out", type=Path, default=mptc_robustness.REPORT,
+    help="file of the loops of MPTC and MPFC",
+)  # fmt: skip
+@option(
+    "--decisions-out", type=Path, default=noise_decisions.REPORT,
+    help="file of the decisions beside the ideal controller's",
+)  # fmt: skip
+@option(
+    "--random-decisions-out", type=Path, default=random_decisions.REPORT,
+    help="file of the RTL's decisions on random drives",
+)  # fmt: skip
+@option(
+    "--rules-out", type=Path, default=outside_rules.REPORT,
+    help="file of the rules for what starts outside its bound",
+)  # fmt: skip
+@option("--page", type=Path, default=robustness.PAGE, help="page of the tables")
+@option(
+    "--tables", action="store_true",
+    help="rewrite tables and picture from the stored files only",
+)  # fmt: skip
+@scheduled
+def cli(given: argparse.Namespace) -> int | None:
     if given.tables:
         _publish(robustness.read(given.out), given)
         mptc_robustness.publish(mptc_robustness.read(given.mptc_out), given.page)
@@ -82,9 +82,3 @@ def _publish(rows: dict[robustness.Setting, dict[str, float]], given: argparse.N
     """Tables of MPDCC, and the picture beside the file of the loops."""
     robustness.publish(rows, given.page)
     noise.draw(rows, given.out.with_suffix(".png"))
-
-
-COMMAND = Command(
-    "robustness", __doc__, _arguments, _run, outputs=(),
-    growing=("out", "mptc_out", "decisions_out", "random_decisions_out", "rules_out", "page"),
-)  # fmt: skip

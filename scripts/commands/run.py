@@ -39,7 +39,7 @@ from directmpc.mptc.errors import MptcErrors, check_errors
 from directmpc.output_files import check_output
 from scripts.hdl.mpdcc_simulation import EXPLORERS
 from scripts.hdl.waves import view
-from scripts.shared.command import Command, InputError, UsageError
+from scripts.shared.command import InputError, UsageError, command, option
 from scripts.shared.figures import pyplot, save_png
 from scripts.shared.tools import BUILD, ROOT, replacing, write
 from scripts.studies import mptc_loop, rtl_loop
@@ -117,70 +117,6 @@ def _factors(text: str | None, names: Iterable[str]) -> dict[str, float] | None:
             )
         found[name] = factor
     return found
-
-
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml",
-        help="drive file, or the name of a shipped one",
-    )  # fmt: skip
-    parser.add_argument(
-        "--speed", type=float,
-        help="MPDCC: stator frequency, per unit, 1 without; MPTC: mechanical speed, r/min",
-    )  # fmt: skip
-    parser.add_argument(
-        "--steps", type=int,
-        help="control steps; two fundamental periods without, MPTC: at most "
-        f"{mptc_loop.MOST_STEPS}",
-    )  # fmt: skip
-    parser.add_argument(
-        "--explorers", type=int, choices=EXPLORERS, metavar="1..8", help="MPDCC; 2 without"
-    )
-    parser.add_argument(
-        "--variant", choices=tuple(VARIANTS), help=f"MPDCC; {DEFAULT_VARIANT} without"
-    )
-    parser.add_argument(
-        "--errors",
-        metavar="NAME=VALUE,...",
-        help="errors of sensors and switches: directmpc.DriveErrors, MPTC: directmpc.MptcErrors",
-    )
-    parser.add_argument(
-        "--plant",
-        metavar="NAME=FACTOR,...",
-        help="factors on the machine and the capacitors of the plant, which the controller does "
-        f"not know, each from {LEAST_FACTOR:g} to {MOST_FACTOR:g}: rs, rr, leakage, xm, xdc, xph; "
-        "PMSM: rs, leakage, xdc, xph; grid and RL: r, x, xdc, xph; MPTC: rs, rr, leakage, lm",
-    )
-    parser.add_argument(
-        "--flux-observer",
-        action="store_true",
-        default=None,
-        help="MPDCC: the controller sees the rotor flux of the observer's bit-true model, not the "
-        "plant's",
-    )
-    parser.add_argument(
-        "--scenario", choices=SCENARIOS,
-        help="speed controller and moving rotor: --speed is the rotor's then",
-    )  # fmt: skip
-    parser.add_argument(
-        "--engine", choices=ENGINES,
-        help="what decides in a scenario: the core's bit-true model without, rtl is its VHDL",
-    )  # fmt: skip
-    parser.add_argument(
-        "--inertia", type=float,
-        help="of a scenario, in s, MPTC: kg m^2; mechanics.inertia of the drive file without",
-    )  # fmt: skip
-    parser.add_argument("--out", type=Path, default=BUILD / "run.png", help="picture")
-    parser.add_argument("--trace", type=Path, help="what was measured: a trace for replay (CSV)")
-    parser.add_argument("--decisions", type=Path, help="what it decided, as replay writes it (CSV)")
-    parser.add_argument(
-        "--waves",
-        type=Path,
-        nargs="?",
-        const=BUILD / "run.fst",
-        help="every signal (FST), with a view for GTKWave beside it (.gtkw); build/run.fst if no "
-        "file is named",
-    )
 
 
 def _outputs(given: argparse.Namespace) -> dict[str, Path]:
@@ -363,7 +299,69 @@ def _check_mptc(given: argparse.Namespace, drive: MptcDrive) -> None:
     given.plant = _factors(given.plant, factors_of(drive))
 
 
-def _run(given: argparse.Namespace) -> int | None:
+@command(
+    interrupted="nothing was written",
+    outputs=tuple(OUTPUTS),
+    formats={"out": ".png", "waves": ".fst"},
+)
+@option(
+    "--drive", type=Path, default=ROOT / "drives" / "anpc5l_6kv.toml",
+    help="drive file, or the name of a shipped one",
+)  # fmt: skip
+@option(
+    "--speed", type=float,
+    help="MPDCC: stator frequency, per unit, 1 without; MPTC: mechanical speed, r/min",
+)  # fmt: skip
+@option(
+    "--steps", type=int,
+    help="control steps; two fundamental periods without, MPTC: at most "
+    f"{mptc_loop.MOST_STEPS}",
+)  # fmt: skip
+@option("--explorers", type=int, choices=EXPLORERS, metavar="1..8", help="MPDCC; 2 without")
+@option("--variant", choices=tuple(VARIANTS), help=f"MPDCC; {DEFAULT_VARIANT} without")
+@option(
+    "--errors",
+    metavar="NAME=VALUE,...",
+    help="errors of sensors and switches: directmpc.DriveErrors, MPTC: directmpc.MptcErrors",
+)
+@option(
+    "--plant",
+    metavar="NAME=FACTOR,...",
+    help="factors on the machine and the capacitors of the plant, which the controller does "
+    f"not know, each from {LEAST_FACTOR:g} to {MOST_FACTOR:g}: rs, rr, leakage, xm, xdc, xph; "
+    "PMSM: rs, leakage, xdc, xph; grid and RL: r, x, xdc, xph; MPTC: rs, rr, leakage, lm",
+)
+@option(
+    "--flux-observer",
+    action="store_true",
+    default=None,
+    help="MPDCC: the controller sees the rotor flux of the observer's bit-true model, not the "
+    "plant's",
+)
+@option(
+    "--scenario", choices=SCENARIOS,
+    help="speed controller and moving rotor: --speed is the rotor's then",
+)  # fmt: skip
+@option(
+    "--engine", choices=ENGINES,
+    help="what decides in a scenario: the core's bit-true model without, rtl is its VHDL",
+)  # fmt: skip
+@option(
+    "--inertia", type=float,
+    help="of a scenario, in s, MPTC: kg m^2; mechanics.inertia of the drive file without",
+)  # fmt: skip
+@option("--out", type=Path, default=BUILD / "run.png", help="picture")
+@option("--trace", type=Path, help="what was measured: a trace for replay (CSV)")
+@option("--decisions", type=Path, help="what it decided, as replay writes it (CSV)")
+@option(
+    "--waves",
+    type=Path,
+    nargs="?",
+    const=BUILD / "run.fst",
+    help="every signal (FST), with a view for GTKWave beside it (.gtkw); build/run.fst if no "
+    "file is named",
+)
+def cli(given: argparse.Namespace) -> int | None:
     if given.steps is not None and given.steps < 1:
         raise UsageError(f"argument --steps: got {given.steps}; at least 1 is needed")
     console = Console(width=None if sys.stdout.isatty() else 110)
@@ -402,14 +400,3 @@ def _run(given: argparse.Namespace) -> int | None:
         )
         return 1
     return 0
-
-
-COMMAND = Command(
-    "run",
-    __doc__,
-    _arguments,
-    _run,
-    interrupted="nothing was written",
-    outputs=tuple(OUTPUTS),
-    formats={"out": ".png", "waves": ".fst"},
-)

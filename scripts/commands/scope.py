@@ -7,10 +7,10 @@ import argparse
 from directmpc.host.link import LinkError
 from directmpc.host.rtl import BOARDS
 from directmpc.native import NativeError
-from directmpc.scope import command
+from directmpc.scope import command as page
 from scripts.hdl import native
 from scripts.shared import progress
-from scripts.shared.command import Command, InputError
+from scripts.shared.command import InputError, command
 from scripts.shared.tools import ToolError
 
 
@@ -20,7 +20,7 @@ def served(given: argparse.Namespace) -> int:
     Parameters
     ----------
     given : argparse.Namespace
-        Arguments of `command.add_arguments`.
+        Arguments of `page.add_arguments`.
 
     Returns
     -------
@@ -35,15 +35,17 @@ def served(given: argparse.Namespace) -> int:
         If a file, a drive or an address cannot be used.
     """
     try:
-        if getattr(given, "source", command.VIRTUAL) == command.VIRTUAL:
-            drive = command.drive_of_cores(given.drive or command.DEFAULTS["mpdcc"])
+        if getattr(given, "source", page.VIRTUAL) == page.VIRTUAL:
+            drive = page.drive_of_cores(given.drive or page.DEFAULTS["mpdcc"])
             with progress.busy("conversion of the VHDL"):
                 native.write([BOARDS[drive.controller]])
-        return command.run(given)
+        return page.run(given)
     except (NativeError, LinkError) as error:
         raise ToolError(str(error)) from None
     except ValueError as error:
         raise InputError(str(error)) from None
 
 
-COMMAND = Command("scope", __doc__, command.add_arguments, served, failed=1)
+@command(page.add_arguments, failed=1)
+def cli(given: argparse.Namespace) -> int:
+    return served(given)

@@ -8,15 +8,13 @@ from pathlib import Path
 
 from directmpc.host.console import terminable
 from scripts.publish import site
-from scripts.shared.command import Command
+from scripts.shared.command import command, option
 from scripts.shared.tools import ToolError
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--out", type=Path, default=site.SITE, help="folder of the site")
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command(interrupted="nothing was replaced", outputs=(), folders=("out",))
+@option("--out", type=Path, default=site.SITE, help="folder of the site")
+def cli(given: argparse.Namespace) -> int | None:
     if importlib.util.find_spec("mkdocs") is None or importlib.util.find_spec("material") is None:
         raise ToolError(
             "MkDocs with its theme material is not installed; run 'make site', which installs "
@@ -26,9 +24,3 @@ def _run(given: argparse.Namespace) -> int | None:
         count = site.build(given.out)
     print(f"{given.out / 'index.html'}: written, site of {count} files")
     return 0
-
-
-COMMAND = Command(
-    "site", __doc__, _arguments, _run, interrupted="nothing was replaced",
-    outputs=(), folders=("out",),
-)  # fmt: skip

@@ -6,18 +6,14 @@ import argparse
 from pathlib import Path
 
 from scripts.hdl import sources
-from scripts.shared.command import Command
+from scripts.shared.command import command, option
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "top", nargs="*", help="entities or packages; each file once; all files without any"
-    )
-    parser.add_argument("--rtl", type=Path, default=sources.RTL, help="directory of the VHDL files")
-    parser.add_argument("--relative-to", type=Path, help="print relative paths")
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command()
+@option("top", nargs="*", help="entities or packages; each file once; all files without any")
+@option("--rtl", type=Path, default=sources.RTL, help="directory of the VHDL files")
+@option("--relative-to", type=Path, help="print relative paths")
+def cli(given: argparse.Namespace) -> int | None:
     files = sources.rtl_files(given.rtl)
     # `make sources TOP="one other"` hands over one word
     tops = [name for word in given.top for name in word.split() or [""]]
@@ -29,6 +25,3 @@ def _run(given: argparse.Namespace) -> int | None:
             shown = shown.relative_to(given.relative_to.resolve())
         print(shown)
     return 0
-
-
-COMMAND = Command("sources", __doc__, _arguments, _run)

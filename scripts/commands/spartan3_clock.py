@@ -6,21 +6,14 @@ import argparse
 
 from scripts.measure import spartan3_clock
 from scripts.shared import progress
-from scripts.shared.command import Command
+from scripts.shared.command import command, option
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--tables", action="store_true", help="write the table from the stored file only"
-    )
-
-
-def _run(given: argparse.Namespace) -> None:
+@command()
+@option("--tables", action="store_true", help="write the table from the stored file only")
+def cli(given: argparse.Namespace) -> None:
     if given.tables:
         spartan3_clock.publish()
         return
     with progress.busy("mapped netlists of a Spartan-3"):
         spartan3_clock.regenerate()
-
-
-COMMAND = Command("spartan3-clock", __doc__, _arguments, _run)

@@ -12,23 +12,21 @@ from directmpc.mpdcc import tables
 from scripts.hdl import converter_package
 from scripts.measure import budgets, synth
 from scripts.shared import tools
-from scripts.shared.command import Command, count
+from scripts.shared.command import command, count, option
 from scripts.shared.tools import BUILD
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("only", nargs="*", help="words; only configurations with one in their name")
-    parser.add_argument("--families", help="comma-separated; all of a configuration's without it")
-    parser.add_argument(
-        "--converter", choices=tables.NAMES, default=tables.DEFAULT,
-        help="whose packages the design has; budgets are those of the default",
-    )  # fmt: skip
-    parser.add_argument("--jobs", type=count, default=2)
-    parser.add_argument("--force", action="store_true", help="measure again what is in the cache")
-    parser.add_argument("--out", type=Path, default=BUILD / "synth.json")
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command(failed=1)
+@option("only", nargs="*", help="words; only configurations with one in their name")
+@option("--families", help="comma-separated; all of a configuration's without it")
+@option(
+    "--converter", choices=tables.NAMES, default=tables.DEFAULT,
+    help="whose packages the design has; budgets are those of the default",
+)  # fmt: skip
+@option("--jobs", type=count, default=2)
+@option("--force", action="store_true", help="measure again what is in the cache")
+@option("--out", type=Path, default=BUILD / "synth.json")
+def cli(given: argparse.Namespace) -> int | None:
     chosen, families = synth.chosen(given.only), synth.families(given.families)
     rtl = converter_package.rtl_of(given.converter)
     found = synth.measure_all(chosen, families, given.jobs, given.force, rtl)
@@ -41,6 +39,3 @@ def _run(given: argparse.Namespace) -> int | None:
     for problem in problems:
         print(f"synth: {problem}", file=sys.stderr)
     return 1 if problems else 0
-
-
-COMMAND = Command("synth", __doc__, _arguments, _run, failed=1)

@@ -6,24 +6,19 @@ import argparse
 import sys
 from pathlib import Path
 
-from scripts.shared import workers
-from scripts.shared.command import Command, count
+from scripts.shared.command import command, count, option, scheduled
 from scripts.studies.torture import run
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--decisions", type=count, default=run.DECISIONS, help="of both controllers"
-    )
-    parser.add_argument("--seed", type=int, default=1, help="of the states")
-    parser.add_argument("--jobs", type=count, default=2, help="processes")
-    parser.add_argument("--anew", action="store_true", help="begin again, whatever there is")
-    parser.add_argument("--out", type=Path, default=run.RESULTS, help="file of the results")
-    parser.add_argument("--page", action="store_true", help="write reports/torture.md")
-    workers.add_arguments(parser)
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command(failed=1, interrupted="run it again to go on", outputs=(), growing=("out",))
+@option("--decisions", type=count, default=run.DECISIONS, help="of both controllers")
+@option("--seed", type=int, default=1, help="of the states")
+@option("--jobs", type=count, default=2, help="processes")
+@option("--anew", action="store_true", help="begin again, whatever there is")
+@option("--out", type=Path, default=run.RESULTS, help="file of the results")
+@option("--page", action="store_true", help="write reports/torture.md")
+@scheduled
+def cli(given: argparse.Namespace) -> int | None:
     sums = run.run(
         given.decisions,
         given.seed,
@@ -40,15 +35,3 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.page:
         run.publish(given.out)
     return 1 if found else 0
-
-
-COMMAND = Command(
-    "torture",
-    __doc__,
-    _arguments,
-    _run,
-    failed=1,
-    interrupted="run it again to go on",
-    outputs=(),
-    growing=("out",),
-)

@@ -6,24 +6,22 @@ import argparse
 import sys
 from pathlib import Path
 
-from scripts.shared.command import Command, UsageError, count
+from scripts.shared.command import UsageError, command, count, option
 from scripts.studies import upsets
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "cases", nargs="*", metavar="NETLIST",
-        help=f"all if none is given: {', '.join(map(repr, upsets.CASES))}",
-    )  # fmt: skip
-    parser.add_argument("--times", type=count, default=upsets.TIMES, help="flips of each flip-flop")
-    parser.add_argument("--seed", type=int, default=1, help="of their clocks")
-    parser.add_argument("--jobs", type=count, default=2, help="processes")
-    parser.add_argument("--anew", action="store_true", help="begin again, whatever there is")
-    parser.add_argument("--out", type=Path, default=upsets.RESULTS, help="file of the results")
-    parser.add_argument("--page", action="store_true", help="write reports/upsets.md")
-
-
-def _run(given: argparse.Namespace) -> int | None:
+@command(failed=1, interrupted="run it again to go on", outputs=(), growing=("out",))
+@option(
+    "cases", nargs="*", metavar="NETLIST",
+    help=f"all if none is given: {', '.join(map(repr, upsets.CASES))}",
+)  # fmt: skip
+@option("--times", type=count, default=upsets.TIMES, help="flips of each flip-flop")
+@option("--seed", type=int, default=1, help="of their clocks")
+@option("--jobs", type=count, default=2, help="processes")
+@option("--anew", action="store_true", help="begin again, whatever there is")
+@option("--out", type=Path, default=upsets.RESULTS, help="file of the results")
+@option("--page", action="store_true", help="write reports/upsets.md")
+def cli(given: argparse.Namespace) -> int | None:
     for name in given.cases:
         if name not in upsets.CASES:
             known = ", ".join(map(repr, upsets.CASES))
@@ -39,9 +37,3 @@ def _run(given: argparse.Namespace) -> int | None:
     if given.page:
         upsets.publish(given.out)
     return 1 if found else 0
-
-
-COMMAND = Command(
-    "upsets", __doc__, _arguments, _run, failed=1, interrupted="run it again to go on",
-    outputs=(), growing=("out",),
-)  # fmt: skip

@@ -17,44 +17,8 @@ from directmpc.mpdcc import tables
 from scripts.hdl import virtual_board
 from scripts.hdl.boards import BOARDS, BUILDS, RECORDER_ROWS
 from scripts.shared import progress
-from scripts.shared.command import Command, UsageError
+from scripts.shared.command import UsageError, command, option
 from scripts.shared.tools import BUILD
-
-
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--controller", choices=("mpdcc", "mptc"), help="mpdcc by default")
-    parser.add_argument(
-        "--drive", help="drive file, or the name of a shipped one: what is built serves it"
-    )
-    parser.add_argument("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
-    parser.add_argument("--folded", action="store_true", help="the paper's explorers")
-    parser.add_argument(
-        "--family", action="store_true", help="mptc: methods of two and three vectors"
-    )
-    parser.add_argument(
-        "--sensorless", action="store_true", help="mptc: the board can estimate the speed"
-    )
-    parser.add_argument(
-        "--recorder", type=int, default=0, metavar="ROWS", choices=RECORDER_ROWS,
-        help="steps that the recorder keeps: a power of two from 8 to 1024",
-    )  # fmt: skip
-    parser.add_argument(
-        "--board", choices=sorted(BOARDS), help="the netlist of this board's bitstream"
-    )
-    parser.add_argument(
-        "--port", type=Path, default=BUILD / "virtual-board", help="name of the UART, or of SPI"
-    )
-    parser.add_argument(
-        "--spi",
-        action="store_true",
-        help="SPI in place of the UART: time goes on with each transaction, as on a board",
-    )
-    parser.add_argument("--gates", type=Path, help="CSV file for every change of a gate")
-    parser.add_argument(
-        "--free-running",
-        action="store_true",
-        help="time goes on without traffic: a host that dies lets the watchdog trip",
-    )
 
 
 def _shown(path: Path) -> str:
@@ -63,7 +27,31 @@ def _shown(path: Path) -> str:
     return shlex.quote(str(path.absolute() if ".." in near.parts else near))
 
 
-def _run(given: argparse.Namespace) -> int | None:
+@command(outputs=("gates",))
+@option("--controller", choices=("mpdcc", "mptc"), help="mpdcc by default")
+@option("--drive", help="drive file, or the name of a shipped one: what is built serves it")
+@option("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
+@option("--folded", action="store_true", help="the paper's explorers")
+@option("--family", action="store_true", help="mptc: methods of two and three vectors")
+@option("--sensorless", action="store_true", help="mptc: the board can estimate the speed")
+@option(
+    "--recorder", type=int, default=0, metavar="ROWS", choices=RECORDER_ROWS,
+    help="steps that the recorder keeps: a power of two from 8 to 1024",
+)  # fmt: skip
+@option("--board", choices=sorted(BOARDS), help="the netlist of this board's bitstream")
+@option("--port", type=Path, default=BUILD / "virtual-board", help="name of the UART, or of SPI")
+@option(
+    "--spi",
+    action="store_true",
+    help="SPI in place of the UART: time goes on with each transaction, as on a board",
+)
+@option("--gates", type=Path, help="CSV file for every change of a gate")
+@option(
+    "--free-running",
+    action="store_true",
+    help="time goes on without traffic: a host that dies lets the watchdog trip",
+)
+def cli(given: argparse.Namespace) -> int | None:
     controller, family = given.controller or "mpdcc", given.family
     topology = tables.DEFAULT
     if given.drive:
@@ -113,6 +101,3 @@ def _run(given: argparse.Namespace) -> int | None:
             return 0
         finally:
             board.close()
-
-
-COMMAND = Command("virtual-board", __doc__, _arguments, _run, outputs=("gates",))

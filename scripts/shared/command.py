@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from directmpc.host.console import OneParagraphParser, interrupted, lost, report_error, reported
 from directmpc.output_files import check_folder, check_output, check_suffix
@@ -109,6 +110,52 @@ class Command:
         for name, suffix in self.formats.items():
             for path in self._given(given, [name]):
                 check_suffix(path, suffix)
+
+
+Run = Callable[[argparse.Namespace], int | None]
+
+
+def option(*names: str, exclusive: bool = False, **how: Any) -> Callable[[Run], Run]:
+    """An argument of a command, as of ``add_argument``; of the `exclusive` ones one is given."""
+
+    def _with(run: Run) -> Run:
+        run.__dict__.setdefault("options", []).insert(0, (names, exclusive, how))
+        return run
+
+    return _with
+
+
+def command(
+    add: Callable[[argparse.ArgumentParser], None] | None = None, **how: Any
+) -> Callable[[Run], Command]:
+    """Make a function the command that its file is named after, as of `Command`, with its options.
+
+    ``add`` adds arguments of the library's.
+    """
+
+    def _made(run: Run) -> Command:
+        def _arguments(parser: argparse.ArgumentParser) -> None:
+            if add is not None:
+                add(parser)
+            part = None
+            for names, exclusive, more in run.__dict__.get("options", ()):
+                if exclusive:
+                    part = part or parser.add_mutually_exclusive_group()
+                (part if exclusive and part else parser).add_argument(*names, **more)
+
+        name = Path(run.__code__.co_filename).stem.replace("_", "-")
+        return Command(name, run.__globals__["__doc__"], _arguments, run, **how)
+
+    return _made
+
+
+scheduled = option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="a Dask scheduler such as tcp://host:8786, whose workers compute; "
+    "without it, processes of this machine",
+)
+"""Gives a command ``--scheduler``."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ computes, and refuses a worker that has others.
 
 from __future__ import annotations
 
-import argparse
 import concurrent.futures
 import contextlib
 import functools
@@ -38,16 +37,6 @@ SAME = "start every worker in a clone of the same commit, with the same requirem
 
 
 SOURCES = (".cpp", ".py", ".toml", ".v", ".vhd")
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--scheduler`` to a command's arguments."""
-    parser.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="a Dask scheduler such as tcp://host:8786, whose workers compute; "
-        "without it, processes of this machine",
-    )
 
 
 @functools.cache

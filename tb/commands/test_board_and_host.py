@@ -705,7 +705,7 @@ def test_a_dead_host_trips_the_watchdog_where_time_goes_on(
 def test_a_board_without_the_family_has_no_netlist_of_it(capsys: pytest.CaptureFixture) -> None:
     given = ["--board", "arty-s7-50", "--controller", "mptc", "--family"]
     with pytest.raises(SystemExit, match="2"):
-        virtual_board_command.COMMAND.main(given)
+        virtual_board_command.cli.main(given)
     assert "arty-s7-50 has no bitstream of MPTC family" in capsys.readouterr().err
 
 
@@ -717,7 +717,7 @@ def test_two_virtual_boards_do_not_share_a_port(
     with VirtualBoard(generics("mptc"), port):
         target = port.readlink()
         given = ["--controller", "mptc", "--port", str(port), "--gates", str(log)]
-        assert virtual_board_command.COMMAND.main(given) == 2
+        assert virtual_board_command.cli.main(given) == 2
         said = capsys.readouterr().err.splitlines()
         assert said[-2:] == [
             f"virtual-board: {port}: another virtual board is there; end it, or give this one a "

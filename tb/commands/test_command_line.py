@@ -60,7 +60,7 @@ TAKE_A_DRIVE = {"check", "coefficients", "deadlocks", "demo", "drive-info", "ext
 def test_a_shipped_name_serves_where_a_drive_is_taken(tmp_path, monkeypatch, capsys) -> None:
     taking = set()
     for name, path in program.commands().items():
-        found = importlib.import_module(f"scripts.commands.{path.stem}").COMMAND
+        found = importlib.import_module(f"scripts.commands.{path.stem}").cli
         if isinstance(found, Command):
             parser = argparse.ArgumentParser()
             found.arguments(parser)

@@ -23,7 +23,7 @@ STEPS = 60
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small bench."""
     out = tmp_path_factory.mktemp("field") / "bench"
-    assert field_bench.COMMAND.main(["--out", str(out), "--steps", str(STEPS)]) == 0
+    assert field_bench.cli.main(["--out", str(out), "--steps", str(STEPS)]) == 0
     return out
 
 
@@ -127,7 +127,7 @@ def test_the_command_says_and_writes_the_score(
     out = tmp_path / "score.json"
     given = ["--bench", str(bench), "--set", MPTC, "--json", str(out)]
     own = ["--decisions", str(bench / MPTC / "ideal.csv")]
-    assert field_score.COMMAND.main([*given, *own]) == 0
+    assert field_score.cli.main([*given, *own]) == 0
     assert json.loads(out.read_text(encoding="utf-8"))["unlike"] == 0
     assert "unlike_pct" in capsys.readouterr().out
 
@@ -158,18 +158,16 @@ def test_what_cannot_be_scored_is_told(
     few = tmp_path / "few.csv"
     lines = (copy / MPTC / "ideal.csv").read_text(encoding="utf-8").splitlines()
     few.write_text("\n".join(lines[:-1]) + "\n", encoding="utf-8")
-    assert field_score.COMMAND.main([*given, str(few)]) == 2
+    assert field_score.cli.main([*given, str(few)]) == 2
     assert f"has {STEPS - 1} rows" in capsys.readouterr().err
     few.write_text("\n".join([lines[0], "9,,0", *lines[2:]]) + "\n", encoding="utf-8")
-    assert field_score.COMMAND.main([*given, str(few)]) == 2
+    assert field_score.cli.main([*given, str(few)]) == 2
     assert "line 2" in capsys.readouterr().err
-    assert (
-        field_score.COMMAND.main(["--bench", str(copy), "--set", "none", "--decisions", "x"]) == 2
-    )
+    assert field_score.cli.main(["--bench", str(copy), "--set", "none", "--decisions", "x"]) == 2
     assert f"there are: {SE}" in capsys.readouterr().err
     with (copy / MPTC / "costs.csv").open("a", encoding="utf-8") as file:
         file.write("0,0,1.0\n")
-    assert field_score.COMMAND.main([*given, str(copy / MPTC / "ideal.csv")]) == 2
+    assert field_score.cli.main([*given, str(copy / MPTC / "ideal.csv")]) == 2
     assert "is not the file that the manifest names" in capsys.readouterr().err
 
 
@@ -177,10 +175,10 @@ def test_a_bench_is_made_twice_alike_and_replaces_no_other_folder(
     bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = (bench / study.MANIFEST).read_bytes()
-    assert field_bench.COMMAND.main(["--out", str(bench), "--steps", str(STEPS)]) == 0
+    assert field_bench.cli.main(["--out", str(bench), "--steps", str(STEPS)]) == 0
     assert (bench / study.MANIFEST).read_bytes() == before
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes").write_text("mine", encoding="utf-8")
-    assert field_bench.COMMAND.main(["--out", str(tmp_path / "mine")]) == 2
+    assert field_bench.cli.main(["--out", str(tmp_path / "mine")]) == 2
     assert "exists and is no bench" in capsys.readouterr().err
     assert (tmp_path / "mine" / "notes").read_text(encoding="utf-8") == "mine"

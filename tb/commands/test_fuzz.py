@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from directmpc.host import protocol as p
-from scripts.commands.fuzz import COMMAND
+from scripts.commands.fuzz import cli
 from scripts.studies import fuzz
 
 RUNS = {"drive file": 150, "trace of MPDCC": 60, "trace of MPTC": 60, "decisions": 100}
@@ -45,7 +45,7 @@ def test_a_fault_is_found(
 
     monkeypatch.setattr(p, "judge", _careless)
     arguments = ["frames", "--minutes", "0.2", "--out", str(tmp_path)]
-    assert COMMAND.main(arguments) == 1
+    assert cli.main(arguments) == 1
     assert "frames-0" in capsys.readouterr().err
     assert (tmp_path / "frames-0").read_bytes()
 
@@ -62,5 +62,5 @@ def test_replies_of_another_length_are_refused() -> None:
 
 def test_a_target_that_is_not_there_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        COMMAND.main(["bitstreams"])
+        cli.main(["bitstreams"])
     assert "there are: drive file" in capsys.readouterr().err

@@ -112,7 +112,7 @@ def test_the_file_loads_and_runs(
     controller: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "mine.toml"
-    assert new_drive.COMMAND.main([controller, str(path)]) == 0
+    assert new_drive.cli.main([controller, str(path)]) == 0
     assert str(path) in capsys.readouterr().out
     drive = load_drive(path)
     example = load_drive(drive_template.EXAMPLES[controller])
@@ -148,7 +148,7 @@ def test_nothing_is_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         (tmp_path / "no" / "drive.toml", "there is no folder"),
         (there / "drive.toml", "there is no folder"),
     ):
-        assert new_drive.COMMAND.main(["mpdcc", str(path)]) == 2
+        assert new_drive.cli.main(["mpdcc", str(path)]) == 2
         complaints = capsys.readouterr().err
         assert complaints.startswith(f"new-drive: {path}: {words}")
         assert complaints.count("\n") == 1
@@ -173,7 +173,7 @@ def test_a_name_plate_gives_a_drive(
     controller: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "plate.toml"
-    assert new_drive.COMMAND.main([controller, str(path), "--nameplate", PLATE]) == 0
+    assert new_drive.cli.main([controller, str(path), "--nameplate", PLATE]) == 0
     out = capsys.readouterr().out
     for text in (out, path.read_text(encoding="utf-8").replace("\n# ", " ")):
         assert "ESTIMATE" in text
@@ -228,7 +228,7 @@ def test_an_impossible_plate_is_refused(
     assert PLATE.count(old) == 1
     given = ["mptc", str(path), "--nameplate", PLATE.replace(old, new)]
     with pytest.raises(SystemExit) as ended:
-        new_drive.COMMAND.main(given)
+        new_drive.cli.main(given)
     assert ended.value.code == 2
     assert f"argument --nameplate: {said}" in capsys.readouterr().err
     assert not path.exists()

@@ -52,7 +52,7 @@ def test_the_page_shows_the_stored_figures(tmp_path: Path, monkeypatch: pytest.M
         report.write_texts(report.stored(), copy)
     called = []
     monkeypatch.setattr(report, "regenerate", called.append)
-    assert command.COMMAND.main(["--texts"]) == 0
+    assert command.cli.main(["--texts"]) == 0
     assert called == [True]
 
 

@@ -103,7 +103,7 @@ def test_the_observers_page_shows_what_was_measured() -> None:
 
 def test_coefficients_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     drive = str(ROOT / "drives" / "anpc5l_6kv.toml")
-    assert coefficients.COMMAND.main([drive, "--csv"]) == 0
+    assert coefficients.cli.main([drive, "--csv"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "port,value,hex"
     core = (ROOT / "rtl" / "mpdcc" / "mpdcc_core.vhd").read_text(encoding="utf-8")
@@ -115,7 +115,7 @@ def test_coefficients_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
         port, value, word = line.split(",")
         whole = 16 ** len(word) if int(value) < 0 else 0
         assert int(word, 16) - whole == int(value), port
-    assert coefficients.COMMAND.main([drive]) == 0
+    assert coefficients.cli.main([drive]) == 0
     assert "horizon" in capsys.readouterr().out
-    assert coefficients.COMMAND.main(["none.toml"]) == 2
+    assert coefficients.cli.main(["none.toml"]) == 2
     assert capsys.readouterr().err.count("\n") == 1

@@ -52,7 +52,7 @@ def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     outputs = {name: tmp_path / "new" / file for name, file in names.items()}
     picture = outputs["out"]
     picture.parent.mkdir()
-    assert run.COMMAND.main(["--steps", "40", *arguments_for(outputs)]) == 0
+    assert run.cli.main(["--steps", "40", *arguments_for(outputs)]) == 0
     shown = capsys.readouterr().out
     for words in ("40 checked", "0 differ", "24 logical", "36 physical", "us at 40 MHz", "1135"):
         assert words in shown
@@ -62,7 +62,7 @@ def test_few_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     # replay reads the trace, and its model decides as the RTL did
     given = ["--drive", str(ROOT / "drives" / "anpc5l_6kv.toml"), "--engine", "model"]
     given += ["--trace", str(outputs["trace"]), "--out", str(tmp_path / "model.csv")]
-    assert replay.COMMAND.main(given) == 0
+    assert replay.cli.main(given) == 0
     model, told = (read_decisions(path) for path in (tmp_path / "model.csv", outputs["decisions"]))
     assert len(told) == 40
     assert count_differences(model, told) == 0
@@ -77,7 +77,7 @@ def test_a_drive_without_a_core_is_refused(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given = ["--drive", str(ROOT / "drives" / f"{name}.toml"), "--steps", "12"]
-    assert run.COMMAND.main([*given, "--out", str(tmp_path / "run.png")]) == 2
+    assert run.cli.main([*given, "--out", str(tmp_path / "run.png")]) == 2
     complaint = capsys.readouterr().err
     assert 'controller: got "kbest"; it must be "mpdcc" or "mptc" here' in complaint
     assert not list(tmp_path.iterdir())
@@ -97,16 +97,16 @@ def test_a_drive_of_another_converter_runs_and_is_replayed(
     outputs = outputs_in(tmp_path)
     del outputs["waves"]
     given = ["--drive", name, "--steps", "40", *arguments_for(outputs)]
-    assert run.COMMAND.main(given) == 0
+    assert run.cli.main(given) == 0
     shown = capsys.readouterr().out
     for words in ("40 checked", "0 differ", *OTHERS[name]):
         assert words in shown
     replayed = tmp_path / "replayed.csv"
     given = ["--drive", name, "--trace", str(outputs["trace"]), "--out", str(replayed)]
-    assert replay.COMMAND.main(given) == 0
+    assert replay.cli.main(given) == 0
     assert replayed.read_bytes() == outputs["decisions"].read_bytes()
     told = read_decisions(replayed)
-    assert replay.COMMAND.main([*given, "--engine", "model"]) == 0
+    assert replay.cli.main([*given, "--engine", "model"]) == 0
     assert count_differences(read_decisions(replayed), told) == 0
     assert len(np.unique(told.s, axis=0)) > 1
 
@@ -116,7 +116,7 @@ def test_every_shipped_drive_runs(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given = ["--drive", str(ROOT / "drives" / f"{name}.toml"), "--steps", "12"]
-    assert run.COMMAND.main([*given, "--out", str(tmp_path / "run.png")]) == 0
+    assert run.cli.main([*given, "--out", str(tmp_path / "run.png")]) == 0
     shown = capsys.readouterr().out
     assert "12 checked" in shown
     assert "0 differ" in shown
@@ -145,13 +145,13 @@ def test_a_recorded_run_is_replayed_and_its_signals_are_there(
     drive.write_text(text.replace("[control]", f"[control]\n{setting}"), encoding="utf-8")
     given = ["--drive", str(drive), "--steps", "40", "--speed", "-0.7"]
     given += ["--errors", "noise_current=0.02,gain_voltage=0.01"]
-    assert run.COMMAND.main(given + arguments_for(outputs)) == 0
+    assert run.cli.main(given + arguments_for(outputs)) == 0
     shown = capsys.readouterr().out
     for path in outputs.values():
         assert str(path) in shown
     replayed = tmp_path / "replayed.csv"
     given = ["--drive", str(drive), "--trace", str(outputs["trace"]), "--out", str(replayed)]
-    assert replay.COMMAND.main(given) == 0
+    assert replay.cli.main(given) == 0
     assert replayed.read_bytes() == outputs["decisions"].read_bytes()
     told = read_decisions(replayed)
     assert len(told) == 40
@@ -180,7 +180,7 @@ def test_of_several_outputs_none_is_written_where_it_fails(
     # the picture and the trace are through by then
     monkeypatch.setattr(rtl_loop, "simulate", lambda *arguments: modelled)
     monkeypatch.setattr(run, "write_decisions", fail)
-    assert run.COMMAND.main(arguments_for(outputs)) in (2, 130)
+    assert run.cli.main(arguments_for(outputs)) in (2, 130)
     errors = capsys.readouterr().err
     assert "nothing was written" in errors
     if isinstance(end, ValueError):
@@ -192,7 +192,7 @@ def test_of_several_outputs_none_is_written_where_it_fails(
 def test_one_file_is_not_two_outputs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one = str(tmp_path / "one.csv")
     with pytest.raises(SystemExit) as left:
-        run.COMMAND.main(["--trace", one, "--decisions", one])
+        run.cli.main(["--trace", one, "--decisions", one])
     assert left.value.code == 2
     assert "asked for twice" in capsys.readouterr().err
 
@@ -264,7 +264,7 @@ def test_a_difference_is_an_error(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(rtl_loop, "simulate", lambda *arguments: modelled)
-    assert run.COMMAND.main(["--out", str(tmp_path / "run.png")]) == 1
+    assert run.cli.main(["--out", str(tmp_path / "run.png")]) == 1
     assert "1 of 30 decisions of the RTL differ" in capsys.readouterr().err
 
 
@@ -394,7 +394,7 @@ def test_errors_are_one_line(
     arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # a picture that stood there would be named in a second line
-    assert run.COMMAND.main([*arguments, "--out", str(tmp_path / "run.png")]) == 2
+    assert run.cli.main([*arguments, "--out", str(tmp_path / "run.png")]) == 2
     errors = capsys.readouterr().err
     assert errors.startswith("run: ")
     assert errors.count("\n") == 1
@@ -414,7 +414,7 @@ def test_errors_that_make_no_sense_are_refused(
 ) -> None:
     out = tmp_path / "run.png"
     with pytest.raises(SystemExit) as left:
-        run.COMMAND.main(["--errors", errors, "--out", str(out)])
+        run.cli.main(["--errors", errors, "--out", str(out)])
     assert left.value.code == 2
     assert words in capsys.readouterr().err
     assert not out.exists()
@@ -435,7 +435,7 @@ def test_a_plant_out_of_range_is_refused(
 ) -> None:
     out = tmp_path / "run.png"
     with pytest.raises(SystemExit) as left:
-        run.COMMAND.main(["--plant", plant, "--out", str(out)])
+        run.cli.main(["--plant", plant, "--out", str(out)])
     assert left.value.code == 2
     assert words in capsys.readouterr().err
     assert not out.exists()
@@ -468,7 +468,7 @@ def test_a_two_level_run_is_replayed_and_its_signals_are_there(
     clocks = f"{clocks_of('mptc_family_core', figure)} clock"
     drive, outputs = two_level(tmp_path, setting), outputs_in(tmp_path)
     given = ["--drive", str(drive), "--speed", "-600", "--steps", "30", *arguments_for(outputs)]
-    assert run.COMMAND.main(given) == 0
+    assert run.cli.main(given) == 0
     shown = capsys.readouterr().out
     for words in (f"30 periods of 50 us, -600 r/min, {method}", "30 checked", "0 differ", clocks):
         assert words in shown
@@ -477,7 +477,7 @@ def test_a_two_level_run_is_replayed_and_its_signals_are_there(
     assert outputs["out"].read_bytes().startswith(b"\x89PNG")
     replayed = tmp_path / "replayed.csv"
     given = ["--drive", str(drive), "--trace", str(outputs["trace"]), "--out", str(replayed)]
-    assert replay.COMMAND.main(given) == 0
+    assert replay.cli.main(given) == 0
     assert replayed.read_bytes() == outputs["decisions"].read_bytes()
     assert len(replayed.read_text(encoding="utf-8").splitlines()) == 31
     view = (tmp_path / "run.gtkw").read_text(encoding="utf-8").splitlines()
@@ -514,7 +514,7 @@ def test_the_rtl_makes_the_loop_of_the_two_level_model(
         column[7] ^= 1
         assert mptc_loop.simulate(drive, point, 40).differing == 1
         given = ["--drive", str(TWO_LEVEL), "--speed", "900", "--steps", "40"]
-        assert run.COMMAND.main([*given, "--out", str(tmp_path / "run.png")]) == 1
+        assert run.cli.main([*given, "--out", str(tmp_path / "run.png")]) == 1
         assert "1 of 40 decisions of the RTL differ" in capsys.readouterr().err
         column[7] ^= 1
 
@@ -563,13 +563,13 @@ def test_a_two_level_run_with_errors_is_replayed(
     outputs = {name: tmp_path / file for name, file in names.items()}
     given = ["--drive", str(TWO_LEVEL), "--steps", "30", "--plant", "lm=0.8,rs=1.2"]
     given += ["--errors", "noise_current=0.2,bits=10,dead_time=2e-6", *arguments_for(outputs)]
-    assert run.COMMAND.main(given) == 0
+    assert run.cli.main(given) == 0
     shown = capsys.readouterr().out
     for words in ("30 checked", "0 differ", "lm x 0.8, rs x 1.2", "A off the plant's"):
         assert words in shown
     replayed = tmp_path / "replayed.csv"
     given = ["--drive", str(TWO_LEVEL), "--trace", str(outputs["trace"]), "--out", str(replayed)]
-    assert replay.COMMAND.main(given) == 0
+    assert replay.cli.main(given) == 0
     assert replayed.read_bytes() == outputs["decisions"].read_bytes()
     # the trace is what the converters said
     measured = mptc_trace.read_trace(outputs["trace"]).i_s / (32.0 / 512)
@@ -614,7 +614,7 @@ def test_what_a_two_level_run_cannot_have_is_one_line(
 ) -> None:
     out = tmp_path / "run.png"
     with pytest.raises(SystemExit) as left:
-        run.COMMAND.main(["--drive", str(TWO_LEVEL), "--out", str(out), *arguments])
+        run.cli.main(["--drive", str(TWO_LEVEL), "--out", str(out), *arguments])
     assert left.value.code == 2
     errors = capsys.readouterr().err
     assert words in errors
@@ -682,7 +682,7 @@ def test_a_scenario_moves_the_rotor(tmp_path: Path, capsys: pytest.CaptureFixtur
     del outputs["waves"]
     given = ["--drive", str(ROOT / "examples" / "induction_4kw.toml"), "--scenario", "reversal"]
     given += ["--engine", "ideal", "--inertia", "0.002", "--speed", "300", "--plant", "rr=1.2"]
-    assert run.COMMAND.main(given + arguments_for(outputs)) == 0
+    assert run.cli.main(given + arguments_for(outputs)) == 0
     shown = capsys.readouterr().out
     assert "inertia 0.002 kg m^2" in shown
     assert "speed reference" in shown
@@ -707,7 +707,7 @@ def test_a_scenario_that_cannot_be_is_refused(
     given: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     try:
-        code = run.COMMAND.main([*given, "--out", str(tmp_path / "run.png")])
+        code = run.cli.main([*given, "--out", str(tmp_path / "run.png")])
     except SystemExit as stopped:  # argparse's own way
         code = stopped.code
     assert code == 2

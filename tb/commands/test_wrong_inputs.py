@@ -67,7 +67,7 @@ READ = {
 def _commands() -> dict[str, Command]:
     found = {}
     for name, path in program.commands().items():
-        command = importlib.import_module(f"scripts.commands.{path.stem}").COMMAND
+        command = importlib.import_module(f"scripts.commands.{path.stem}").cli
         if isinstance(command, Command):
             found[name] = command
     return found

@@ -88,7 +88,7 @@ def test_wrong_units_raise_a_doubt(name: str, tables: dict, said: str) -> None:
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert drive_info.COMMAND.main(["anpc5l_6kv"]) == 0
+    assert drive_info.cli.main(["anpc5l_6kv"]) == 0
     out, err = capsys.readouterr()
     assert "breakdown torque" in out
     assert "6000 V line-to-line rms" in out
@@ -96,11 +96,11 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     path = tmp_path / "fast.toml"
     text = shipped_drives()["induction_2kw2"]
     path.write_text(text.replace("speed_max = 500.0", "speed_max = 1500.0"))
-    assert drive_info.COMMAND.main([str(path)]) == 0
+    assert drive_info.cli.main([str(path)]) == 0
     out, err = capsys.readouterr()
     assert err.startswith("drive-info: warning: control.speed_max")
     assert err.count("\n") == 1
-    assert drive_info.COMMAND.main([str(tmp_path / "none.toml")]) == 2
+    assert drive_info.cli.main([str(tmp_path / "none.toml")]) == 2
 
 
 @pytest.mark.parametrize(

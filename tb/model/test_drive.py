@@ -303,7 +303,7 @@ def test_a_file_may_have_values_with_units(
         text = text.replace(value, other)
     path.write_text(text, encoding="utf-8")
     wanted, found = load_drive("npc3l_3kv3"), load_drive(path)
-    assert drive_info.COMMAND.main([str(path), "--file"]) == 0
+    assert drive_info.cli.main([str(path), "--file"]) == 0
     path.write_text(capsys.readouterr().out, encoding="utf-8")
     for drive, other, near in ((wanted, found, 1e-3), (found, load_drive(path), 1e-7)):
         for table in ("base", "machine", "inverter", "guard", "control"):

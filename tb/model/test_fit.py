@@ -107,9 +107,9 @@ def test_nothing_to_fit(drive: Drive, length: int, speeds: list[float]) -> None:
 
 
 def test_command(drives_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    assert extrapolation.COMMAND.main([str(drives_folder / "anpc5l_6kv.toml")]) == 0
+    assert extrapolation.cli.main([str(drives_folder / "anpc5l_6kv.toml")]) == 0
     assert "<- chosen" in capsys.readouterr().out
-    assert extrapolation.COMMAND.main([str(tmp_path / "none.toml")]) == 2
+    assert extrapolation.cli.main([str(tmp_path / "none.toml")]) == 2
     assert "none.toml" in capsys.readouterr().err
     with pytest.raises(SystemExit, match="2"):
-        extrapolation.COMMAND.main([])
+        extrapolation.cli.main([])

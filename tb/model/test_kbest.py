@@ -322,7 +322,7 @@ def test_the_library_and_the_replay_decide_alike(engine: str, tmp_path: Path) ->
         text = (ROOT / "drives" / f"{NAMES[0]}.toml").read_text()
         file.write_text(text + ("delay_compensation = true\n" if settings else ""))
         given = ["--drive", str(file), "--trace", str(trace), "--out", str(out)]
-        assert replay.COMMAND.main([*given, "--engine", engine]) == 0
+        assert replay.cli.main([*given, "--engine", engine]) == 0
         told = np.genfromtxt(out, delimiter=",", names=True)
         for column in ("s_a", "s_b", "s_c", "held", "saturated"):
             np.testing.assert_array_equal(told[column], result.table()[f"next_{column}"])
@@ -338,7 +338,7 @@ def test_engines_that_there_are_not_are_refused(
     trace = tmp_path / "trace.csv"
     simulate(drive, steps=4).write_trace(trace)
     given = ["--drive", str(ROOT / "drives" / f"{NAMES[0]}.toml"), "--trace", str(trace)]
-    assert replay.COMMAND.main([*given, "--out", str(tmp_path / "out.csv")]) == 2
+    assert replay.cli.main([*given, "--out", str(tmp_path / "out.csv")]) == 2
     assert 'ENGINE: got "rtl"; a drive of kbest has "ideal" and "model"' in capsys.readouterr().err
 
 

@@ -70,7 +70,7 @@ def test_a_decision_is_the_replays(name: str, engine: str, tmp_path: Path) -> No
     drive.write_text(directmpc.shipped_drives()[name], encoding="utf-8")
     result.write_trace(trace)
     arguments = ["--drive", str(drive), "--trace", str(trace), "--out", str(out)]
-    assert replay.COMMAND.main([*arguments, "--engine", engine]) == 0
+    assert replay.cli.main([*arguments, "--engine", engine]) == 0
     columns = np.genfromtxt(out, delimiter=",", names=True)
     for column in columns.dtype.names:
         if column != "cycles":

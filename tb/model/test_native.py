@@ -40,7 +40,7 @@ from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mptc.drive import SEQUENCE_METHODS
 from directmpc.mptc.formats import MEASUREMENTS as MPTC_MEASUREMENTS
 from directmpc.native import Design, library
-from scripts.commands.native import COMMAND
+from scripts.commands.native import cli
 from scripts.hdl import mptc_replay, native, replay
 from scripts.hdl.clocks import worst_clocks
 from scripts.studies import mptc_loop, rtl_loop
@@ -326,7 +326,7 @@ def test_clocks_that_are_not_computed_change_nothing(name: str, design) -> None:
 
 def test_the_command_takes_some_designs_or_none(capsys) -> None:
     parser = argparse.ArgumentParser()
-    COMMAND.arguments(parser)
+    cli.arguments(parser)
     assert parser.parse_args([]).designs == []
     assert parser.parse_args(["mptc_core", "--rates"]).designs == ["mptc_core"]
     with pytest.raises(SystemExit):

@@ -142,7 +142,7 @@ def test_the_trace_of_a_page_is_decided_as_it_says(tmp_path: Path) -> None:
     (tmp_path / "trace.csv").write_text(trace, encoding="utf-8")
     drive = str(ROOT / "drives" / "anpc5l_6kv.toml")
     given = ["--drive", drive, "--trace", str(tmp_path / "trace.csv"), "--engine", "model"]
-    assert replay.COMMAND.main([*given, "--out", str(tmp_path / "decisions.csv")]) == 0
+    assert replay.cli.main([*given, "--out", str(tmp_path / "decisions.csv")]) == 0
     assert (tmp_path / "decisions.csv").read_text(encoding="utf-8") == decisions
     assert heads
 

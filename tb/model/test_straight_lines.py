@@ -69,5 +69,5 @@ def test_the_papers_number_with_another_length() -> None:
 def test_arguments_that_cannot_be_meant(capsys: pytest.CaptureFixture) -> None:
     for arguments in ([], ["drive.toml", "--loops"], ["drive.toml", "--tables"]):
         with pytest.raises(SystemExit, match="2"):
-            extrapolation.COMMAND.main(arguments)
+            extrapolation.cli.main(arguments)
         assert "--loops" in capsys.readouterr().err

@@ -26,7 +26,7 @@ import pytest
 from directmpc.mpdcc.coefficients import INDEX
 from directmpc.mptc import bit_true as mptc_twin
 from directmpc.mptc.coefficients import COEFFICIENTS, registers
-from scripts.commands.torture import COMMAND
+from scripts.commands.torture import cli
 from scripts.shared.tools import ToolError
 from scripts.studies.torture import blocks, mpdcc, mptc, run
 from tb.helpers import plain, plain_states
@@ -182,8 +182,8 @@ def test_a_run_goes_on_where_it_was_stopped(
     path = tmp_path / "torture.json"
     one = 2 * blocks.ROWS
     _Here.called.clear()
-    assert COMMAND.main(["--decisions", str(one), "--out", str(path)]) == 0
-    assert COMMAND.main(["--decisions", str(2 * one), "--out", str(path)]) == 0
+    assert cli.main(["--decisions", str(one), "--out", str(path)]) == 0
+    assert cli.main(["--decisions", str(2 * one), "--out", str(path)]) == 0
     assert _Here.called == [("mpdcc", 0), ("mptc", 0), ("mpdcc", 1), ("mptc", 1)]
     assert f"mpdcc: {one} decisions, 0 differ" in capsys.readouterr().out
     document = json.loads(path.read_text(encoding="utf-8"))
@@ -201,7 +201,7 @@ def test_a_difference_ends_with_one(
         run._RUN, "mpdcc", lambda number, seed: blocks.run_mpdcc(number, seed, 512, _other)
     )
     path = tmp_path / "torture.json"
-    assert COMMAND.main(["--decisions", "10", "--out", str(path)]) == 1
+    assert cli.main(["--decisions", "10", "--out", str(path)]) == 1
     assert "torture: mpdcc: block 0, state" in capsys.readouterr().err
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from scripts.commands.bitstream import COMMAND
+from scripts.commands.bitstream import cli
 from scripts.hdl import conversion as netlist
 from scripts.hdl.boards import BOARDS, Board
 from scripts.measure import bitstream
@@ -141,7 +141,7 @@ def test_a_recorder_has_a_folder_of_its_own(
     monkeypatch.setattr(bitstream, "build", build)
     monkeypatch.setattr(bitstream, "table", lambda _: "")
     for more in ([], ["--recorder", "256"]):
-        COMMAND.main(["--board", BOARD.name, *more])
+        cli.main(["--board", BOARD.name, *more])
     assert built == [None, 256]
     assert [
         str(path.parent.relative_to(tmp_path)) for path in sorted(tmp_path.rglob("*.json"))
@@ -150,7 +150,7 @@ def test_a_recorder_has_a_folder_of_its_own(
         ".",
     ]
     with pytest.raises(SystemExit, match="2"):
-        COMMAND.main(["--board", BOARD.name, "--recorder", "100"])
+        cli.main(["--board", BOARD.name, "--recorder", "100"])
     assert "1024" in capsys.readouterr().err
 
 

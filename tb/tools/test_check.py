@@ -28,7 +28,7 @@ import pytest
 import tomli_w
 import yaml
 
-from scripts.commands.check import COMMAND
+from scripts.commands.check import cli
 from scripts.hdl import sources
 from scripts.hdl.simulator import SimulationError
 from scripts.measure import budgets, check
@@ -88,7 +88,7 @@ def changed_row(text: str, line: int, column: int, by: int) -> str:
 def test_own_baselines_hold(name: str, tmp_path: Path) -> None:
     out = {kind: tmp_path / f"found.{kind}" for kind in ("junit", "json")}
     options = [word for kind, path in out.items() for word in (f"--{kind}", str(path))]
-    assert COMMAND.main(["--baseline", str(OWN[name]), *options]) == 0
+    assert cli.main(["--baseline", str(OWN[name]), *options]) == 0
     found = json.loads(out["json"].read_text(encoding="utf-8"))
     assert found["passed"] is True
     cases = [case["key"] for case in found["baselines"][0]["cases"]]
@@ -145,7 +145,7 @@ def test_a_moved_value_is_red(
 ) -> None:
     own = altered_baseline(tmp_path, old, new)
     out = tmp_path / "found.xml"
-    assert COMMAND.main(["--baseline", str(own), "--junit", str(out)]) == 1
+    assert cli.main(["--baseline", str(own), "--junit", str(out)]) == 1
     said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("check: ")]
     assert len(said) == 1
     assert said[0].startswith(f"check: {own}: {key}: ")
@@ -160,7 +160,7 @@ def test_moved_decisions_and_clocks_are_red_with_their_line(
         other = changed_row(measured.rtl, 7, column, 1)
         own = altered_baseline(tmp_path, measured.rtl.strip(), other.strip())
         out = tmp_path / "found.json"
-        assert COMMAND.main(["--baseline", str(own), "--json", str(out)]) == 1
+        assert cli.main(["--baseline", str(own), "--json", str(out)]) == 1
         said = capsys.readouterr().err
         assert f"check: {own}: {key}: 1 of 50 rows differ; line 7 of the trace" in said
         found = json.loads(out.read_text(encoding="utf-8"))
@@ -221,7 +221,7 @@ def test_a_tool_that_fails_is_red(
 
     monkeypatch.setattr(check, "measure", fail)
     out = tmp_path / "found.xml"
-    assert COMMAND.main(["--baseline", str(MPTC), "--junit", str(out)]) == 1
+    assert cli.main(["--baseline", str(MPTC), "--junit", str(out)]) == 1
     assert f"check: {MPTC}: run: ghdl ended with 1" in capsys.readouterr().err
     assert ElementTree.parse(out).getroot().get("failures") == "1"
 
@@ -266,11 +266,11 @@ def test_a_baseline_of_ones_own(
     tmp_path: Path, quick: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     own, inputs = tmp_path / "own.toml", ["--drive", str(DRIVE), "--trace", str(TRACE)]
-    assert COMMAND.main(["--baseline", str(own), *inputs, "--write-baseline"]) == 0
-    assert COMMAND.main(["--baseline", str(own)]) == 0
-    assert COMMAND.main(["--baseline", str(own), *inputs]) == 0
+    assert cli.main(["--baseline", str(own), *inputs, "--write-baseline"]) == 0
+    assert cli.main(["--baseline", str(own)]) == 0
+    assert cli.main(["--baseline", str(own), *inputs]) == 0
     own.write_text(own.read_text("utf-8").replace("lut_percent = 0.0", "lut_percent = 2.0"))
-    assert COMMAND.main(["--baseline", str(own), "--write-baseline"]) == 0
+    assert cli.main(["--baseline", str(own), "--write-baseline"]) == 0
     assert check.read(own).tolerance.lut_percent == 2.0
     assert check.read(own).decisions == check.read(MPTC).decisions
     assert "own.toml: written" in capsys.readouterr().out
@@ -339,7 +339,7 @@ def test_a_bad_baseline_is_told(
 ) -> None:
     own, out = altered_baseline(tmp_path, old, new), tmp_path / "found.xml"
     out.write_text("before", encoding="utf-8")
-    assert COMMAND.main(["--baseline", str(own), "--junit", str(out)]) == 2
+    assert cli.main(["--baseline", str(own), "--junit", str(out)]) == 2
     said = capsys.readouterr().err
     assert said.startswith(f"check: {own}: ")
     for word in (*words, "nothing was written"):
@@ -363,14 +363,14 @@ def test_wrong_arguments_end_with_code_2(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit, match="2"):
-        COMMAND.main(arguments)
+        cli.main(arguments)
     said = capsys.readouterr().err
     assert message in said
     assert said.count("\n") == 1
 
 
 def test_a_baseline_is_no_output(capsys: pytest.CaptureFixture[str]) -> None:
-    assert COMMAND.main(["--baseline", str(MPTC), "--json", str(MPTC)]) == 2
+    assert cli.main(["--baseline", str(MPTC), "--json", str(MPTC)]) == 2
     assert "is an input" in capsys.readouterr().err
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scripts.commands.coverage import COMMAND
+from scripts.commands.coverage import cli
 from scripts.hdl import conversion, coverage, netlist_check, sources
 from scripts.shared.tools import ToolError
 from scripts.studies.coverage import functional, goals, rtl
@@ -253,15 +253,15 @@ def test_a_goal_that_is_missed_ends_with_one(
     monkeypatch.setattr(goals, "of_functions", lambda: found)
     monkeypatch.setattr(goals, "KEPT", tmp_path / "first")
     out = tmp_path / "coverage.json"
-    assert COMMAND.main(["functional", "--out", str(out)]) == 0
+    assert cli.main(["functional", "--out", str(out)]) == 0
     del found["mptc"]["MPTC: u_3"]
     # what was measured stays as it is, until something changes that it depends on
-    assert COMMAND.main(["functional", "--out", str(out)]) == 0
+    assert cli.main(["functional", "--out", str(out)]) == 0
     monkeypatch.setattr(goals, "KEPT", tmp_path / "second")
-    assert COMMAND.main(["functional", "--out", str(out)]) == 1
+    assert cli.main(["functional", "--out", str(out)]) == 1
     assert "coverage: mptc: 'MPTC: u_3' 0 times, not" in capsys.readouterr().err
     with pytest.raises(SystemExit) as refused:
-        COMMAND.main(["everything"])
+        cli.main(["everything"])
     assert refused.value.code == 2
 
 

@@ -141,9 +141,9 @@ def test_seeds_and_layouts_reach_the_programs(project):
 )
 def test_what_cannot_be_meant_ends_with_code_2(program, arguments, capsys):
     with pytest.raises(SystemExit, match="2"):
-        program.COMMAND.main(arguments)
+        program.cli.main(arguments)
     said = capsys.readouterr().err
-    assert said.startswith(f"{program.COMMAND.name}: ")
+    assert said.startswith(f"{program.cli.name}: ")
     assert said.count("\n") == 1
 
 

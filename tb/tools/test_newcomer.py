@@ -74,7 +74,7 @@ def test_a_run_that_failed_is_not_stored(
         newcomer.keep(log, path)
     assert path.read_text("utf-8") == "as it was"
     before = newcomer.TIMES.read_bytes(), newcomer.PAGE.read_bytes()
-    assert command.COMMAND.main(["--log", str(tmp_path / "none")]) == 2
+    assert command.cli.main(["--log", str(tmp_path / "none")]) == 2
     assert f"newcomer: {tmp_path / 'none'}: No such file" in capsys.readouterr().err
     assert (newcomer.TIMES.read_bytes(), newcomer.PAGE.read_bytes()) == before
 

@@ -198,7 +198,7 @@ def _python(arguments: Call) -> None:
             if name not in program.commands():
                 raise NotAcceptedError(f"there is no command {name}")
             module = importlib.import_module(f"scripts.commands.{name.replace('-', '_')}")
-            _accepts(module.COMMAND.main, rest, f"python -m scripts {name}")
+            _accepts(module.cli.main, rest, f"python -m scripts {name}")
         case ["-m", "directmpc.host", *rest]:
             _accepts(host, rest, "python -m directmpc.host")
         case ["-m", "pip", "install", *_, "--require-hashes", "-r", file]:

@@ -20,7 +20,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 from directmpc.host import protocol
-from scripts.commands.site import COMMAND
+from scripts.commands.site import cli
 from scripts.hdl import sources
 from scripts.hdl.clocks import clocks_of
 from scripts.measure import budgets
@@ -316,7 +316,7 @@ def test_the_site_that_stands_survives_a_warning(
     (out / "sitemap.xml").write_text("before", encoding="utf-8")
     monkeypatch.setattr(site, "PAGES", tmp_path / "pages")
     monkeypatch.setattr(entity_pages, "index", lambda _: "# E\n\n[x](../check.md#none)\n")
-    assert COMMAND.main(["--out", str(out)]) == 2
+    assert cli.main(["--out", str(out)]) == 2
     said = capsys.readouterr().err
     assert "check.md#none" in said
     assert "entities/index.md" in said

@@ -274,15 +274,15 @@ def test_the_choice_of_stages_is_handed_on(
     with monkeypatch.context() as patch:
         patch.setattr(report, "regenerate", lambda *_, **words: given.append(words))
         patch.setattr(report, "state", lambda say: 3)
-        assert command.COMMAND.main(["--only", "fidelity", "robustness"]) == 0
-        assert command.COMMAND.main(["--resources"]) == 0
-        assert command.COMMAND.main(["--sources"]) == 0
-        assert command.COMMAND.main(["--state"]) == 1
+        assert command.cli.main(["--only", "fidelity", "robustness"]) == 0
+        assert command.cli.main(["--resources"]) == 0
+        assert command.cli.main(["--sources"]) == 0
+        assert command.cli.main(["--state"]) == 1
     assert [one["only"] for one in given] == [["fidelity", "robustness"], (), ()]
     assert [one["resources_only"] for one in given] == [False, True, False]
     assert [one["sources_only"] for one in given] == [False, False, True]
     with pytest.raises(SystemExit):
-        command.COMMAND.main(["--only", "none"])
+        command.cli.main(["--only", "none"])
     assert "none: no stage; there are proofs, " in capsys.readouterr().err
 
 

@@ -45,7 +45,7 @@ def replayed(folder: Path, engine: str, seen: MpdccTrace) -> list[list[str]]:
     given = {
         "--drive": MPDCC, "--trace": recorded, "--out": out, "--engine": engine, "--explorers": 1,
     }  # fmt: skip
-    assert replay.COMMAND.main([str(part) for pair in given.items() for part in pair]) == 0
+    assert replay.cli.main([str(part) for pair in given.items() for part in pair]) == 0
     return rows_of(out)
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.commands.upsets import COMMAND
+from scripts.commands.upsets import cli
 from scripts.hdl.sources import RTL
 from scripts.shared import tables
 from scripts.shared.tools import ROOT, ToolError
@@ -128,20 +128,20 @@ def test_a_campaign_goes_on_where_it_was_stopped(
     path = tmp_path / "upsets.json"
     arguments = ["gate guard, anpc5l", "--times", "3", "--out", str(path)]
     netlists["stop"] = "64"
-    assert COMMAND.main(arguments) == 1
+    assert cli.main(arguments) == 1
     kept = upsets.read(path)["cases"]["gate guard, anpc5l"]
     assert kept["done"] == 64
     assert kept["counts"]["supervisor"] == {"fault": 64 * 3}
     netlists["stop"] = "0"  # what is done is not done again
-    assert COMMAND.main(arguments) == 0
+    assert cli.main(arguments) == 0
     kept = upsets.read(path)["cases"]["gate guard, anpc5l"]
     assert kept["done"] == 80
     assert kept["counts"]["supervisor"] == {"fault": 80 * 3}
     assert "| gate guard, anpc5l | all | 80 | 0 | 240 | 0 | 0 |" in capsys.readouterr().out
     netlists["text"] = "another netlist"
-    assert COMMAND.main(arguments) == 1  # begins at the first one, which fails
+    assert cli.main(arguments) == 1  # begins at the first one, which fails
     assert upsets.read(path)["cases"]["gate guard, anpc5l"]["done"] == 0
-    assert COMMAND.main([*arguments, "--seed", "2"]) == 1
+    assert cli.main([*arguments, "--seed", "2"]) == 1
     assert "with --anew" in capsys.readouterr().err
 
 
@@ -150,7 +150,7 @@ def test_a_shorted_pattern_fails_the_campaign(
 ) -> None:
     netlists["kind"] = "shorted"
     arguments = ["gate guard, anpc5l", "--times", "1", "--out", str(tmp_path / "upsets.json")]
-    assert COMMAND.main(arguments) == 1
+    assert cli.main(arguments) == 1
     said = capsys.readouterr()
     assert "i_supervisor.word[0] in clock 7: a shorted pattern" in said.err
     assert "a shorted pattern for more than one clock: 80" in said.out
@@ -164,5 +164,5 @@ def test_wrong_arguments_are_refused(
     arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit):
-        COMMAND.main(arguments)
+        cli.main(arguments)
     assert said in capsys.readouterr().err
