@@ -126,11 +126,6 @@ architecture rtl of gate_guard is
   signal rest_now : std_logic_vector(TIME_WIDTH - 1 downto 0);
   signal is_live  : std_logic;
   signal latched  : std_logic_vector(FAULT_COUNT - 1 downto 0);
-  -- of the second supervisor, '0' without it
-  signal second_stop   : std_logic;
-  signal second_kill   : std_logic;
-  signal second_faults : std_logic_vector(FAULT_COUNT - 1 downto 0);
-  signal disagree      : std_logic; -- the two differed a clock ago
 
 begin
 
@@ -185,12 +180,10 @@ begin
       frozen       => bands(3)
     );
 
-  bands(4) <= upset or disagree;
   bands(5) <= driver_fault;
 
   running <= active;
   live    <= is_live;
-  faults  <= latched or second_faults;
 
   all_legal   <= legal(0) and legal(1) and legal(2);
   any_blocked <= blocked(0) or blocked(1) or blocked(2);
@@ -243,6 +236,10 @@ begin
     signal rest    : std_logic_vector(TIME_WIDTH - 1 downto 0);
     signal runs    : std_logic;
     signal lives   : std_logic;
+    signal second_stop   : std_logic;
+    signal second_kill   : std_logic;
+    signal second_faults : std_logic_vector(FAULT_COUNT - 1 downto 0);
+    signal disagree      : std_logic; -- the two differed a clock ago
 
     -- tools that merge what is equal may not merge the two
     attribute dont_touch : string;
@@ -288,6 +285,11 @@ begin
         faults         => second_faults
       );
 
+    bands(4) <= upset or disagree;
+    stop     <= first_stop or second_stop;
+    kill     <= first_kill or second_kill;
+    faults   <= latched or second_faults;
+
     p_compare : process (clk) is
     begin
 
@@ -306,14 +308,11 @@ begin
   end generate g_second;
 
   g_alone : if not SECOND_SUPERVISOR generate
-    second_stop   <= '0';
-    second_kill   <= '0';
-    second_faults <= (others => '0');
-    disagree      <= '0';
+    bands(4) <= upset;
+    stop     <= first_stop;
+    kill     <= first_kill;
+    faults   <= latched;
   end generate g_alone;
-
-  stop <= first_stop or second_stop;
-  kill <= first_kill or second_kill;
 
   g_legs : for x in 0 to 2 generate
 

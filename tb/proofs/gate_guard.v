@@ -84,6 +84,35 @@ module proof (
   (* inside = "i_checked.i_guard.i_supervisor.i_late.left" *) wire [15:0] late_left;
   (* inside = "i_checked.i_guard.i_supervisor.i_late.done" *) wire late_done;
 
+  // the second supervisor, which is at what the first one is at
+  (* inside = "i_checked.i_guard.g_second_i_second.armed", when = "SECOND_SUPERVISOR" *) wire second_armed;
+  (* inside = "i_checked.i_guard.g_second_i_second.active", when = "SECOND_SUPERVISOR" *) wire second_active;
+  (* inside = "i_checked.i_guard.g_second_i_second.primed", when = "SECOND_SUPERVISOR" *) wire second_primed;
+  (* inside = "i_checked.i_guard.g_second_i_second.compared", when = "SECOND_SUPERVISOR" *) wire second_compared;
+  (* inside = "i_checked.i_guard.g_second_i_second.expected", when = "SECOND_SUPERVISOR" *) wire second_expected;
+  (* inside = "i_checked.i_guard.g_second_i_second.off_for", when = "SECOND_SUPERVISOR" *) wire [11:0] second_off_for;
+  (* inside = "i_checked.i_guard.g_second_i_second.dead", when = "SECOND_SUPERVISOR" *) wire [11:0] second_dead;
+  (* inside = "i_checked.i_guard.g_second_i_second.rest", when = "SECOND_SUPERVISOR" *) wire [11:0] second_rest;
+  (* inside = "i_checked.i_guard.g_second_i_second.latched", when = "SECOND_SUPERVISOR" *) wire [14:0] second_latched;
+  (* inside = "i_checked.i_guard.g_second_i_second.parity", when = "SECOND_SUPERVISOR" *) wire second_parity;
+  (* inside = "i_checked.i_guard.g_second_i_second.altered", when = "SECOND_SUPERVISOR" *) wire second_altered;
+  (* inside = "i_checked.i_guard.g_second_i_second.faulty", when = "SECOND_SUPERVISOR" *) wire second_faulty;
+  (* inside = "i_checked.i_guard.g_second_i_second.i_starved.left", when = "SECOND_SUPERVISOR" *) wire [15:0] second_starved_left;
+  (* inside = "i_checked.i_guard.g_second_i_second.i_starved.done", when = "SECOND_SUPERVISOR" *) wire second_starved_done;
+  (* inside = "i_checked.i_guard.g_second_i_second.i_late.left", when = "SECOND_SUPERVISOR" *) wire [15:0] second_late_left;
+  (* inside = "i_checked.i_guard.g_second_i_second.i_late.done", when = "SECOND_SUPERVISOR" *) wire second_late_done;
+  (* inside = "i_checked.i_guard.g_second_disagree", when = "SECOND_SUPERVISOR" *) wire disagree;
+`ifdef SECOND_SUPERVISOR
+  wire fact_second = !disagree
+    && {second_armed, second_active, second_primed, second_compared, second_expected, second_off_for,
+        second_dead, second_rest, second_latched, second_parity, second_altered, second_faulty}
+       == {armed, active, primed, compared, expected, off_for,
+           dead, rest, latched, parity, altered, faulty};
+  wire fact_second_starved = !(armed || active)
+    || {second_starved_left, second_starved_done} == {starved_left, starved_done};
+  wire fact_second_late = !expected || {second_late_left, second_late_done} == {late_left, late_done};
+`endif
+
   // the comparator
   (* inside = "i_checked.i_guard.i_comparator.valid_1" *) wire valid_1;
   (* inside = "i_checked.i_guard.i_comparator.valid_2" *) wire valid_2;
