@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, runtime_checkable
 
 POSITIONS = range(8)
 
@@ -161,6 +161,7 @@ class MpdccState:
 
     current: complex
     flux: complex
+    reference: ClassVar[str] = "current_ref"  # What a ramp takes away
     v_n: float
     v_ph: tuple[float, float, float]
     current_ref: complex
@@ -245,6 +246,7 @@ class MptcState:
     current: complex
     flux: complex
     omega_r: float
+    reference: ClassVar[str] = "torque_ref"
     torque_ref: float
     psi_ref: float
     applied: int | VectorSequence = 0
@@ -388,6 +390,4 @@ def ramped(state: State, share: float) -> State:
 
     `share` is from 0 to 1; the flux reference of MPTC stays.
     """
-    if isinstance(state, MpdccState):
-        return replace(state, current_ref=share * state.current_ref)
-    return replace(state, torque_ref=share * state.torque_ref)
+    return replace(state, **{state.reference: share * getattr(state, state.reference)})

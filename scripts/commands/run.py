@@ -18,6 +18,7 @@ from directmpc.api.controllers import ENGINES
 from directmpc.api.data_sheet import doubts
 from directmpc.api.drive_file import load_core_drive, load_drive
 from directmpc.api.dynamics import SCENARIOS, scenario
+from directmpc.api.kinds import kind_of
 from directmpc.api.result import SimulationResult
 from directmpc.api.simulation import (
     LEAST_FACTOR,
@@ -183,8 +184,8 @@ def _mptc(given: argparse.Namespace, drive: MptcDrive, new: Outputs) -> _Result:
 
 def _turning(given: argparse.Namespace, drive: Any, new: Outputs) -> _Result:
     """Run a scenario with a speed controller and write its files."""
-    in_si = drive.controller == "mptc"
-    if in_si and given.speed is not None:
+    kind = kind_of(drive)
+    if given.speed is not None and not kind.per_unit:
         given.speed *= RPM * drive.machine.pole_pairs
     asked = scenario(drive, given.scenario, given.speed, given.inertia)
     extra = {"flux_observer": True} if given.flux_observer else {}
@@ -199,13 +200,11 @@ def _turning(given: argparse.Namespace, drive: Any, new: Outputs) -> _Result:
     if "trace" in new:
         result.write_trace(new["trace"])
     if "decisions" in new:
-        (mptc_trace.write_decisions if in_si else write_decisions)(
-            new["decisions"], result.decisions
-        )
+        kind.write_decisions(new["decisions"], result.decisions)
     said = (
         f"{given.drive.name}: {given.scenario}, {len(result)} control periods of "
         f"{1e6 * drive.control.ts:g} us, inertia {asked['inertia']:g} "
-        + ("kg m^2" if in_si else "s")
+        + ("s" if kind.per_unit else "kg m^2")
     )
     return _Result((said, _moved(result)), len(result), 0)
 
@@ -217,8 +216,7 @@ def _moved(result: SimulationResult) -> Table:
     table = Table(title="Scenario", show_header=False)
     table.add_column("", style="bold")
     table.add_column("")
-    pu = result.drive.controller != "mptc"
-    speed, torque, current = ("pu", "pu", "pu") if pu else ("rad/s", "N m", "A")
+    speed, torque, current, flux = kind_of(result.drive).look(result.drive).units
     last, omega, time = result.speed_ref[-1], result.omega_r, result.time
     outside = np.flatnonzero(np.abs(omega - last) > 0.02 * abs(last))
     if len(outside) == len(omega) or (len(outside) and outside[-1] == len(omega) - 1):
@@ -229,7 +227,7 @@ def _moved(result: SimulationResult) -> Table:
     table.add_row("speed", f"from {omega.min():.4g} to {omega.max():.4g} {speed}")
     table.add_row("torque", f"from {result.torque.min():.4g} to {result.torque.max():.4g} {torque}")
     table.add_row("largest current", f"{np.abs(result.current).max():.4g} {current} peak")
-    table.add_row("largest flux", f"{np.abs(result.flux).max():.4g} {'pu' if pu else 'Wb'}")
+    table.add_row("largest flux", f"{np.abs(result.flux).max():.4g} {flux}")
     table.add_row(
         "switching frequency", f"{result.switching_frequency:.0f} Hz, mean of all switches"
     )

@@ -61,6 +61,15 @@ _IMPORT = re.compile(r"from (directmpc[\w.]*) import (\([^)]*\)|[^\n(]+)")
 _DOTTED = re.compile(r"\bdirectmpc(?:\.\w+)+")
 _SECTION = re.compile(r"^\w[\w ]*\n-{3,}$", re.M)
 _PLACE = re.compile(r"(\S+\.py):(\d+): ")
+#: Questions for the kind of a drive that are left in a folder: this number only falls.
+KIND_QUESTIONS = {"model": 12, "scripts": 18}
+#: What they ask for: classes, and the key `controller` of a drive.
+KINDS = {
+    "Drive", "KbestDrive", "MptcDrive", "PerUnitDrive", "MpdccState", "MptcState", "MpdccTrace",
+    "MptcTrace", "Decisions", "MptcDecisions", "MpdccDecision", "MptcDecision", "InductionMachine",
+    "Pmsm", "Grid", "RlLoad",
+}  # fmt: skip
+CONTROLLERS = {"mpdcc", "mptc", "kbest"}
 _Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 
 
@@ -177,6 +186,36 @@ def python_docstrings() -> list[str]:
         place = _PLACE.match(line)
         if not place or place.groups() in public:
             found.append(line)
+    return found
+
+
+def asks_for_kind(node: ast.AST) -> bool:
+    """Whether an expression asks for the kind of a drive, a state, a trace or a load."""
+    match node:
+        case ast.Call(func=ast.Name(id="isinstance" | "issubclass"), args=[_, given]):
+            names = {getattr(n, "attr", getattr(n, "id", "")) for n in ast.walk(given)}
+            return bool(names & KINDS)
+        case ast.Compare(left=left, comparators=others):
+            parts = [part for one in (left, *others) for part in getattr(one, "elts", [one])]
+            return any(isinstance(p, ast.Constant) and p.value in CONTROLLERS for p in parts)
+    return False
+
+
+def kind_questions() -> list[str]:
+    """Questions for the kind, if they are more than are left, and if `KIND_QUESTIONS` can fall."""
+    found = []
+    for folder, most in KIND_QUESTIONS.items():
+        places = [
+            f"{path.relative_to(ROOT)}:{node.lineno}"
+            for path in sorted((ROOT / folder).rglob("*.py"))
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            if asks_for_kind(node)
+        ]
+        if len(places) > most:
+            found += [f"{place}: asks for the kind" for place in places]
+            found.append(f"{folder}: {len(places)}; at most {most}: a method of a kind answers")
+        elif len(places) < most:
+            found.append(f"{folder}: {len(places)} questions for the kind: KIND_QUESTIONS can fall")
     return found
 
 
@@ -318,6 +357,7 @@ CHECKS: dict[str, Callable[[], list[str]]] = {
     "Python style (ruff check)": _python_style,
     "Python format (ruff format)": _python_format,
     "docstrings (numpydoc)": python_docstrings,
+    "kinds of drive": kind_questions,
     "layers (import-linter)": _layers,
     "picture of the layers": _picture,
     "VHDL-93 analysis (ghdl)": lambda: _analysis("93"),

@@ -16,7 +16,6 @@ from directmpc.mpdcc import capacitor_observer, leakage, observer
 from directmpc.mpdcc.bit_true import fast
 from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX, ROOM
 from directmpc.mpdcc.coefficients import registers as mpdcc_registers
-from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mptc import (
     bit_true,
@@ -342,7 +341,7 @@ GUARDED = {"dead_time": 0.4e-6, "minimum_on": 0.6e-6, "minimum_off": 0.6e-6}
 def _loaded(name: str) -> tuple[Clocks, dict[str, Any]]:
     """Reset and every register of a drive file, in force; then the register map of its system."""
     drive = load_core_drive(ROOT / "drives" / f"{name}.toml")
-    if isinstance(drive, Drive):
+    if hasattr(drive.control, "bound_vn"):
         drive = drive.with_control(**states.STUDIED)
     found = host_registers.values(drive.changed(guard=GUARDED))
     clocks: Clocks = [{"rst": 1, "enable": 1}, {"rst": 0}, {}, {}]

@@ -115,21 +115,20 @@ def load_core_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
     return drive
 
 
-def load_mpdcc_drive(path: str | os.PathLike[str]) -> Drive:
-    """Load an MPDCC drive, per unit; DriveFileError also for another controller."""
+def _only(path: str | os.PathLike[str], controller: str) -> Any:
     drive = load_drive(path)
-    if drive.controller != "mpdcc":
+    if drive.controller != controller:
         raise DriveFileError(
-            f'{path}: controller: got "{drive.controller}"; it must be "mpdcc" here'
+            f'{path}: controller: got "{drive.controller}"; it must be "{controller}" here'
         )
     return drive
+
+
+def load_mpdcc_drive(path: str | os.PathLike[str]) -> Drive:
+    """Load an MPDCC drive, per unit; DriveFileError also for another controller."""
+    return _only(path, "mpdcc")  # type: ignore[no-any-return]
 
 
 def load_mptc_drive(path: str | os.PathLike[str]) -> MptcDrive:
     """Load an MPTC drive, SI; DriveFileError also for another controller."""
-    drive = load_drive(path)
-    if drive.controller != "mptc":
-        raise DriveFileError(
-            f'{path}: controller: got "{drive.controller}"; it must be "mptc" here'
-        )
-    return drive
+    return _only(path, "mptc")  # type: ignore[no-any-return]

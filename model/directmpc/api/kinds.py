@@ -67,6 +67,7 @@ class Units(NamedTuple):
     torque: float
     speed: float
     power: float
+    voltage: float
 
 
 class Look(NamedTuple):
@@ -87,6 +88,8 @@ class _Kind(Protocol):
     no_errors: Any  # Of sensors and switches
     sensorless: bool  # Whether it can do without a speed sensor
     unit: str  # Of measurements, in words
+    per_unit: bool  # Whether the drive file is per unit, else in SI
+    foretold: bool  # Whether a compensating loop shows the ideal controller the state at k + 1
 
     def formats(self, drive: Any) -> Mapping[str, Format]:
         """Formats of the core's measurement ports by name."""
@@ -114,11 +117,34 @@ class _Kind(Protocol):
     def look(self, drive: Any) -> Look:
         """What a picture of a run says."""
 
-    def columns(self, seen: Any, decided: Any, torque: FloatArray) -> dict[str, NDArray[Any]]:
-        """Columns of a trace, of the torque and of decisions, by name."""
+    flags: tuple[str, ...]  # Of a decision, by their names in a recording
+
+    def columns(self, seen: Any) -> dict[str, NDArray[Any]]:
+        """Columns of a trace by name."""
+
+    def decided(self, made: Any) -> dict[str, NDArray[Any]]:
+        """Columns of decisions by name; what is applied next begins with `next_`."""
+
+    def trace_of(self, x: Mapping[str, NDArray[Any]]) -> Any:
+        """Trace of columns by name."""
+
+    def decisions_of(self, x: Mapping[str, NDArray[Any]]) -> Any:
+        """Decisions of columns by name, which begin with `next_`; `cycles`."""
+
+    def applied(self, drive: Any, fields: Any, prefix: str) -> dict[str, NDArray[Any]]:
+        """Columns of what is applied, of a recording's fields; `prefix` of the columns' names."""
+
+    def read_trace(self, path: Any, drive: Any) -> Any:
+        """Read a trace file."""
 
     def write_trace(self, path: Any, seen: Any) -> None:
         """Write a trace file."""
+
+    def read_decisions(self, path: Any, drive: Any) -> Any:
+        """Read a file of decisions."""
+
+    def write_decisions(self, path: Any, made: Any) -> None:
+        """Write a file of decisions."""
 
     def outer(self, drive: Any, real: Any, course: Course, steps: int) -> Any:
         """Outer loop of a run with a speed controller; `real` is the plant."""
@@ -157,6 +183,8 @@ class _FiveLevelKind:
     no_errors = mpdcc_errors.NO_ERRORS
     sensorless = False
     unit = "pu"
+    per_unit = True
+    foretold = True
 
     def formats(self, drive: PerUnitDrive) -> Mapping[str, Format]:
         """The same for every drive."""
@@ -191,7 +219,8 @@ class _FiveLevelKind:
         """Of the drive's base values."""
         base, omega = drive.base, 2.0 * math.pi * drive.base.frequency
         power = 1.5 * base.voltage * base.current
-        return Units(base.current, base.voltage / omega, power / omega, omega, power)
+        flux = base.voltage / omega
+        return Units(base.current, flux, power / omega, omega, power, base.voltage)
 
     def look(self, drive: PerUnitDrive) -> Look:
         """As of `Kind`, with SI on the right."""
@@ -203,7 +232,9 @@ class _FiveLevelKind:
         title = f"{drive.controller}, {volts / 1e3:.3g} kV"
         return Look(title, ("pu", "pu", "pu", "pu"), "rotor flux", right)
 
-    def columns(self, seen: Any, decided: Any, torque: FloatArray) -> dict[str, NDArray[Any]]:
+    flags = ("held", "deadlock", "length", "saturated", "exhausted")
+
+    def columns(self, seen: Any) -> dict[str, NDArray[Any]]:
         """As of `Kind`."""
         names = ("is_alpha", "is_beta", "psir_alpha", "psir_beta")
         columns: dict[str, NDArray[Any]] = dict(zip(names, seen.x_m.T, strict=True))
@@ -211,13 +242,41 @@ class _FiveLevelKind:
         columns |= dict(zip(names, seen.x_inv.T, strict=True))
         columns |= {"iref_alpha": seen.iref[:, 0], "iref_beta": seen.iref[:, 1], "v_dc": seen.vdc}
         columns |= {"omega_s": seen.omega_s, "omega_r": seen.omega_r}
-        columns |= {f"s_{x}": seen.s_prev[:, i] for i, x in enumerate("abc")}
-        columns["torque"] = torque
-        columns |= {f"next_s_{x}": decided.s[:, i] for i, x in enumerate("abc")}
-        columns |= {"next_held": decided.held, "next_deadlock": decided.deadlock}
-        return columns | {"next_length": decided.length}
+        return columns | {f"s_{x}": seen.s_prev[:, i] for i, x in enumerate("abc")}
 
+    def decided(self, made: Any) -> dict[str, NDArray[Any]]:
+        """As of `Kind`."""
+        columns = {f"next_s_{x}": made.s[:, i] for i, x in enumerate("abc")}
+        columns |= {"next_held": made.held, "next_deadlock": made.deadlock}
+        return columns | {"next_length": made.length}
+
+    def trace_of(self, x: Mapping[str, NDArray[Any]]) -> MpdccTrace:
+        """As of `Kind`."""
+        return MpdccTrace(
+            x_m=_beside(x, "is_alpha", "is_beta", "psir_alpha", "psir_beta"),
+            x_inv=_beside(x, "v_n", "v_ph_a", "v_ph_b", "v_ph_c"), vdc=x["v_dc"],
+            iref=_beside(x, "iref_alpha", "iref_beta"), omega_s=x["omega_s"], omega_r=x["omega_r"],
+            s_prev=_beside(x, "s_a", "s_b", "s_c").astype(np.int64),
+        )  # fmt: skip
+
+    def decisions_of(self, x: Mapping[str, NDArray[Any]]) -> trace.Decisions:
+        """As of `Kind`."""
+        s = _beside(x, "next_s_a", "next_s_b", "next_s_c")
+        none, names = np.zeros(len(s), np.int64), ("held", "deadlock", "length", "saturated")
+        flags = {name: x.get(f"next_{name}", none) for name in names}
+        return trace.Decisions(s, cycles=x["cycles"], exhausted=x.get("next_exhausted"), **flags)
+
+    def applied(self, drive: Any, fields: Any, prefix: str) -> dict[str, NDArray[Any]]:
+        """As of `Kind`."""
+        return {f"{prefix}s_{x}": three for x, three in zip("abc", fields, strict=False)}
+
+    read_trace = staticmethod(trace.read_trace)
     write_trace = staticmethod(trace.write_trace)
+    write_decisions = staticmethod(trace.write_decisions)
+
+    def read_decisions(self, path: Any, drive: Any) -> Any:
+        """As of `Kind`."""
+        return trace.read_decisions(path)
 
     def outer(
         self, drive: PerUnitDrive, real: PerUnitDrive, course: Course, steps: int
@@ -297,6 +356,8 @@ class _KbestKind(_FiveLevelKind):
     """Drives of K-best; its controllers keep a plan and compensate a delay by themselves."""
 
     engines = ("ideal", "model")
+    foretold = False
+    flags = ("held", "saturated", "key")
 
     def compiled(self, drive: Any, engine: str, variant: str) -> tuple[Any, Any]:
         """As of `Kind`."""
@@ -316,6 +377,8 @@ class _TwoLevelKind:
     no_errors = mptc_errors.NO_ERRORS
     sensorless = True
     unit = "A, Wb, rad/s, V or N*m"
+    per_unit = False
+    foretold = False
 
     def formats(self, drive: MptcDrive) -> Mapping[str, Format]:
         """By the drive's full scales."""
@@ -347,7 +410,7 @@ class _TwoLevelKind:
 
     def units(self, drive: MptcDrive) -> Units:
         """All 1: such a drive is in SI."""
-        return Units(1.0, 1.0, 1.0, 1.0, 1.0)
+        return Units(1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 
     def look(self, drive: MptcDrive) -> Look:
         """As of `Kind`, with r/min on the right."""
@@ -355,7 +418,9 @@ class _TwoLevelKind:
         rpm = 1.0 / (drive.machine.pole_pairs * RPM)
         return Look(title, ("rad/s", "N m", "A", "Wb"), "stator flux", ((0, "r/min", rpm),))
 
-    def columns(self, seen: Any, decided: Any, torque: FloatArray) -> dict[str, NDArray[Any]]:
+    flags = ("saturated", "clamped")
+
+    def columns(self, seen: Any) -> dict[str, NDArray[Any]]:
         """As of `Kind`."""
         columns: dict[str, NDArray[Any]] = {
             "is_alpha": seen.i_s[:, 0], "is_beta": seen.i_s[:, 1],
@@ -363,10 +428,45 @@ class _TwoLevelKind:
             "omega_r": seen.omega_r, "torque_ref": seen.torque_ref, "psi_ref": seen.psi_ref,
             "u": seen.u,
         }  # fmt: skip
-        columns |= _sequence_columns("", seen) | {"torque": torque, "next_u": decided.u}
-        return columns | _sequence_columns("next_", decided)
+        columns |= {} if seen.v_dc is None else {"v_dc": seen.v_dc}
+        return columns | _sequence_columns("", seen)
+
+    def decided(self, made: Any) -> dict[str, NDArray[Any]]:
+        """As of `Kind`."""
+        return {"next_u": made.u} | _sequence_columns("next_", made)
+
+    def trace_of(self, x: Mapping[str, NDArray[Any]]) -> mptc_trace.MptcTrace:
+        """As of `Kind`."""
+        return mptc_trace.MptcTrace(
+            _beside(x, "is_alpha", "is_beta"), _beside(x, "psis_alpha", "psis_beta"),
+            x["omega_r"], x["torque_ref"], x["psi_ref"], x["u"].astype(np.int64),
+            *_sequences("", x), x.get("v_dc"),
+        )  # fmt: skip
+
+    def decisions_of(self, x: Mapping[str, NDArray[Any]]) -> mptc_trace.MptcDecisions:
+        """As of `Kind`."""
+        flags = x["next_saturated"] | x.get("next_clamped", 0)
+        return mptc_trace.MptcDecisions(x["next_u"], x["cycles"], flags, *_sequences("next_", x))
+
+    def applied(self, drive: MptcDrive, fields: Any, prefix: str) -> dict[str, NDArray[Any]]:
+        """As of `Kind`."""
+        u1, u2, u3, t1, t2 = fields
+        if not drive.control.sequences:
+            return {f"{prefix}u": u1}
+        columns = (u1, u1, u2, u3, t1 / TIME_STEPS, t2 / TIME_STEPS)
+        names = (f"{prefix}{name}" for name in ("u", *VectorSequence._fields))
+        return dict(zip(names, columns, strict=True))
 
     write_trace = staticmethod(mptc_trace.write_trace)
+    write_decisions = staticmethod(mptc_trace.write_decisions)
+
+    def read_trace(self, path: Any, drive: MptcDrive) -> Any:
+        """As of `Kind`."""
+        return mptc_trace.read_trace(path, sequences=drive.control.sequences)
+
+    def read_decisions(self, path: Any, drive: MptcDrive) -> Any:
+        """As of `Kind`."""
+        return mptc_trace.read_decisions(path, sequences=drive.control.sequences)
 
     def outer(
         self, drive: MptcDrive, real: MptcDrive, course: Course, steps: int
@@ -467,6 +567,19 @@ def _sequence_columns(prefix: str, rows: Any) -> dict[str, NDArray[Any]]:
         return {}
     columns = [*rows.vectors.T, *rows.times.T]
     return {f"{prefix}{n}": c for n, c in zip(VectorSequence._fields, columns, strict=True)}
+
+
+def _sequences(prefix: str, x: Mapping[str, NDArray[Any]]) -> tuple[Any, Any]:
+    """Vectors and times of columns; None where there are none."""
+    if f"{prefix}t1" not in x:
+        return None, None
+    u1, u2, u3, t1, t2 = (x[f"{prefix}{name}"] for name in VectorSequence._fields)
+    return np.column_stack([u1, u2, u3]), np.column_stack([t1, t2])
+
+
+def _beside(x: Mapping[str, NDArray[Any]], *names: str) -> NDArray[Any]:
+    """Columns side by side."""
+    return np.column_stack([x[name] for name in names])
 
 
 def _named(names: Any, words: Any) -> dict[str, int]:

@@ -222,7 +222,8 @@ class SimulationResult:
         dict of str to ndarray, shape (n,)
             In the units of the drive file, `time` in s.
         """
-        columns = kind_of(self.drive).columns(self.trace, self.decisions, self.torque)
+        kind = kind_of(self.drive)
+        columns = kind.columns(self.trace) | {"torque": self.torque} | kind.decided(self.decisions)
         return {"time": self.time} | columns | {"next_saturated": self.decisions.saturated}
 
     def write_trace(self, path: str | os.PathLike[str]) -> None:

@@ -40,7 +40,7 @@ from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.errors import MptcErrors
 from directmpc.mptc.plant import PlantParameters, plant_parameters, slip
-from directmpc.mptc.sensorless import SensorlessController
+from directmpc.mptc.sensorless import observing
 from directmpc.mptc.sensorless import simulate as simulate_sensorless
 from directmpc.states import Controller
 
@@ -310,10 +310,8 @@ def simulate(
             )
         asked = kind.outer(drive, real, course, steps)
         short = short or not kind.sensorless
-    observed = sensorless and course is None
-    if isinstance(controller, str) and (
-        observed or (short and not sensorless) or controller == "rtl"
-    ):
+    kept = sensorless and course is not None  # for which there is no other way
+    if isinstance(controller, str) and ((short and not kept) or controller == "rtl"):
         controller = make_controller(drive, controller, variant)
     if isinstance(controller, RtlController):
         core = controller
@@ -465,8 +463,8 @@ def _run_mpdcc(
     delay = drive.control.delay_compensation
     if isinstance(controller, str):
         compiled = compiled_controller(drive, controller, variant)
-        # the ideal function of MPDCC is shown the state at k + 1, the others find it by themselves
-        shown = controller == "ideal" and drive.controller == "mpdcc"
+        # who is not shown the state at k + 1 finds it by itself
+        shown = controller == "ideal" and kind_of(drive).foretold
         run = mpdcc_loop.simulate(
             drive, *compiled, profile, steps, settle=settle, disturbance=0.0, plant_drive=plant,
             delay=delay, compensate=shown, errors=errors, flux_observer=flux_observer,
@@ -560,13 +558,11 @@ def _run_mptc(
     turn = cmath.exp(1j * (angle - cmath.phase(scenario.current)))
     scenario = mptc_loop.turned(scenario, turn, omega_r)
     parameters = plant_parameters(plant)
-    observed = None
+    seen = mptc_loop.EXACT
     if sensorless:
-        own = "model" if engine == "model" else "ideal"
-        observed = controller = SensorlessController(drive, controller, engine=own)
-        observed.begin(scenario.current, scenario.flux, scenario.omega_r)
-    run = _of_loop(drive, controller, scenario, parameters, errors)
-    return _as_seen(_of_mptc(drive, engine, run, omega_s, settle), observed, settle)
+        seen = observing(drive, "model" if engine == "model" else "ideal", scenario)
+    run = _of_loop(drive, controller, scenario, parameters, errors, seen)
+    return _of_mptc(drive, engine, run, omega_s, settle)
 
 
 def _of_loop(
@@ -575,11 +571,13 @@ def _of_loop(
     scenario: mptc_loop.Scenario,
     plant: PlantParameters,
     errors: MptcErrors,
+    seen: mptc_loop.Observing = mptc_loop.EXACT,
 ) -> mptc_loop.Run:
     """A closed loop of an engine or of any controller."""
+    parts: dict[str, Any] = {"plant": plant, "errors": errors, "observing": seen}
     if isinstance(controller, str):
-        return mptc_loop.simulate(drive, scenario, engine=controller, plant=plant, errors=errors)
-    return mptc_loop.drive_controller(drive, controller, scenario, plant=plant, errors=errors)
+        return mptc_loop.simulate(drive, scenario, engine=controller, **parts)
+    return mptc_loop.drive_controller(drive, controller, scenario, **parts)
 
 
 def _of_mptc(
@@ -609,18 +607,6 @@ def _of_mptc(
         current_inside=run.current_inside if several else None,
         commutations=run.commutations,
     )
-
-
-def _as_seen(
-    result: SimulationResult, observed: SensorlessController | None, settle: int
-) -> SimulationResult:
-    """The result with the estimates in its trace, where the controller saw estimates."""
-    if observed is None:
-        return result
-    flux = np.array([psi for psi, _ in observed.seen[settle:]])
-    omega_r = np.array([omega for _, omega in observed.seen[settle:]])
-    trace_ = replace(result.trace, psi_s=np.column_stack([flux.real, flux.imag]), omega_r=omega_r)
-    return replace(result, trace=trace_)
 
 
 _RUN = {"mpdcc": _run_mpdcc, "kbest": _run_mpdcc, "mptc": _run_mptc}

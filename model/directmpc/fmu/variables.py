@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from directmpc import straight_line
+from directmpc.api.kinds import kind_of
 from directmpc.drive_tables import keys_of
 from directmpc.host.registers import (
     Setting,
@@ -22,8 +23,6 @@ from directmpc.host.registers import (
 )
 from directmpc.mpdcc import plant as mpdcc_plant
 from directmpc.mpdcc.drive import Drive, PerUnitDrive, only_default
-from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
-from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.machine import current_row
 from directmpc.mptc.plant import plant_parameters
@@ -43,8 +42,7 @@ def system_of(drive: Any) -> str:
     """Native library of the design of a drive's controller; ValueError if there is none."""
     if drive.controller not in SYSTEMS:
         raise ValueError(f"controller: {drive.controller} has no FMU; {', '.join(SYSTEMS)} have")
-    if drive.controller == "mpdcc":
-        only_default(drive)
+    kind_of(drive).library(drive, "fast")  # refuses what no library serves
     return FAMILY if getattr(drive.control, "sequences", False) else SYSTEMS[drive.controller]
 
 
@@ -109,29 +107,28 @@ _WHAT = {
     "omega_s": "stator angular frequency", "omega_r": "electrical rotor speed",
     "torque_ref": "reference of the torque", "psi_ref": "reference of the stator flux linkage",
 }  # fmt: skip
-_SI = {"omega_r": "rad/s", "v_dc": "V", "torque_ref": "N.m", "psi_ref": "Wb", "is": "A",
-       "psis": "Wb"}  # fmt: skip
+#: Kind and SI unit of a measurement.
+_QUANTITIES = {
+    **dict.fromkeys(("is", "iref"), ("current", "A")),
+    **dict.fromkeys(("psir", "psis", "psi_ref"), ("flux", "Wb")),
+    **dict.fromkeys(("v_n", "v_ph_a", "v_ph_b", "v_ph_c", "v_dc"), ("voltage", "V")),
+    **dict.fromkeys(("omega_s", "omega_r"), ("speed", "rad/s")),
+    "torque_ref": ("torque", "N.m"),
+}
 
 
-def _bases(drive: Drive) -> dict[str, tuple[float, str]]:
-    """SI unit of 1 pu by the kind of a measurement."""
-    base, omega = drive.base, 2 * math.pi * drive.base.frequency
-    voltage, flux = (base.voltage, "V"), (base.voltage / omega, "Wb")
-    current, speed = (base.current, "A"), (omega, "rad/s")
-    return {
-        "is": current, "iref": current, "psir": flux, "v_n": voltage, "v_ph_a": voltage,
-        "v_ph_b": voltage, "v_ph_c": voltage, "v_dc": voltage, "omega_s": speed, "omega_r": speed,
-    }  # fmt: skip
+def _bases(drive: Drive | MptcDrive) -> dict[str, tuple[float, str]]:
+    """SI value and unit of 1 in the drive file by the kind of a measurement."""
+    units = kind_of(drive).units(drive)
+    return {stem: (getattr(units, what), unit) for stem, (what, unit) in _QUANTITIES.items()}
 
 
 def _measurements(
     drive: Drive | MptcDrive, si: bool, phases: bool
 ) -> Iterator[tuple[Variable, str]]:
     """Inputs and the lines `measure` of a controller."""
-    if isinstance(drive, Drive):
-        formats, bases = dict(MPDCC_MEASUREMENTS), _bases(drive)
-    else:
-        formats, bases = mptc_formats.measurement_formats(drive), {}
+    kind, bases = kind_of(drive), _bases(drive)
+    formats, si = kind.formats(drive), si or not kind.per_unit
     ports = list(formats)
     while ports:
         port = ports.pop(0)
@@ -140,9 +137,7 @@ def _measurements(
         if stem != port:
             ports.pop(0)
             names, sums = _clarke(stem, phases and stem == "is")
-        base, unit = (1.0, "1") if isinstance(drive, Drive) else (1.0, _SI[stem])
-        if si and isinstance(drive, Drive):
-            base, unit = bases[stem]
+        base, unit = bases[stem] if si else (1.0, "1")
         start = drive.inverter.vdc * base if stem == "v_dc" else 0.0
         if stem.startswith("v_ph"):
             start = drive.inverter.vdc / 4 * base
@@ -215,7 +210,7 @@ def _settings(
     drive: Drive | MptcDrive, clock: float, ranges: Mapping[str, tuple[float, float]]
 ) -> Iterator[tuple[Variable, str]]:
     """Keys of the drive file as variables; those of the guard and of `ranges` can be set."""
-    pu = isinstance(drive, Drive)
+    pu = kind_of(drive).per_unit
     written = values(drive, clock=clock)
     places = {n.rpartition(".")[2]: (n, one) for n, one in guard_settings(drive, clock).items()}
     for section in ("base", "machine", "inverter", "guard", "control"):
@@ -276,11 +271,6 @@ def _guard(drive: Drive | MptcDrive, name: str, one: Setting, info: Any, word: i
     )
 
 
-def _scale(drive: Drive | MptcDrive, port: str) -> float:
-    found = MPDCC_MEASUREMENTS if isinstance(drive, Drive) else None
-    return (found or mptc_formats.measurement_formats(drive))[port].scale
-
-
 #: Outputs of the systems that have words of their own; others are named after their port.
 _SHOWN = {
     "valid": "", "cycles": "Clocks of the latest decision", "running": "Gates follow decisions",
@@ -294,7 +284,7 @@ _SHOWN = {
 
 
 def _outputs(drive: Drive | MptcDrive, design: str) -> Iterator[tuple[Variable, str]]:
-    text = (VERILOG / f"{design}.v").read_text(encoding="utf-8")
+    kind_, text = kind_of(drive), (VERILOG / f"{design}.v").read_text(encoding="utf-8")
     top = text[text.rindex("\nmodule ") + 8 :].split("\n", 1)[0]
     for port in ports_of(text, top):
         name = port.name
@@ -316,12 +306,12 @@ def _outputs(drive: Drive | MptcDrive, design: str) -> Iterator[tuple[Variable, 
         if port.width == 1:
             kind, signed, scale = "boolean", 0, 1.0
         elif name in ("flux_alpha", "flux_beta"):
-            measured = "psir_alpha" if isinstance(drive, Drive) else "psis_alpha"
-            kind, signed, scale = "real", 1, _scale(drive, measured)
-            what = "Flux that the decision used" + " (per unit)" * isinstance(drive, Drive)
+            seen = next(f for n, f in kind_.formats(drive).items() if n.startswith("psi"))
+            kind, signed, scale = "real", 1, seen.scale
+            what = "Flux that the decision used" + " (per unit)" * kind_.per_unit
         else:
             kind, signed, scale = "integer", 0, 1.0
-        unit = "Wb" if kind == "real" and isinstance(drive, MptcDrive) else "1"
+        unit = "Wb" if kind == "real" and not kind_.per_unit else "1"
         yield (
             Variable(name, what, unit, kind, "output"),
             f"show {name} {name} 0 {port.width} {signed} {scale!r}",

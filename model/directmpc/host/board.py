@@ -538,7 +538,7 @@ class Board:
         if isinstance(drive, RegisterValues):
             found, self.drive, self._encoder = drive, None, None
         else:
-            known = drive if isinstance(drive, Drive | MptcDrive) else load_core_drive(drive)
+            known = drive if hasattr(drive, "controller") else load_core_drive(drive)
             self._check_controller(known.controller)
             self._check_converter(known)
             found = self.values(known, sensorless=sensorless)
@@ -600,7 +600,7 @@ class Board:
             raise LinkError(f"the drive file is for {controller}, the board has {self.controller}")
 
     def _check_converter(self, drive: Drive | MptcDrive) -> None:
-        if drive.controller == "mpdcc":
+        if hasattr(drive, "converter"):
             number = self.read("system.gates")["converter"]
             built = NAMES[number] if number < len(NAMES) else f"number {number}"
             if drive.inverter.topology != built:

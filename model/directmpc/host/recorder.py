@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from directmpc.api.kinds import kind_of
 from directmpc.csv_table import Column, FloatArray, IntArray, floats, read_table, write_table
 from directmpc.host.gate_guard import FAULTS
 from directmpc.mpdcc import formats as mpdcc_formats
@@ -26,7 +27,6 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.drive import MptcDrive
-from directmpc.mptc.sequence import TIME_STEPS
 
 #: Words that a record has room for; its address is the step's with four bits behind it.
 STRIDE = 16
@@ -191,8 +191,7 @@ def level(
     "falling" or "equal". A trip triggers too unless `others` says otherwise. ValueError for a
     quantity, edge or value that there is not.
     """
-    mptc = isinstance(drive, MptcDrive)
-    formats = mptc_formats.measurement_formats(drive) if mptc else mpdcc_formats.MEASUREMENTS
+    formats = kind_of(drive).formats(drive)
     fields = {f.name: f for f in FIELDS[drive.controller] if f.width <= 16 and f.low in (0, 16)}
     names = [*formats, "applied", "applied_next", "cycles"]
     if name not in names:
@@ -384,55 +383,17 @@ class Recording:
 
         Per unit, or SI; `make replay` takes it.
         """
-        f, applied = self.fields, _three(self.fields["applied"])
-        if isinstance(self.drive, Drive):
-            x = {name: f[name] / form.scale for name, form in mpdcc_formats.MEASUREMENTS.items()}
-            return mpdcc_trace.MpdccTrace(
-                x_m=np.column_stack([x[n] for n in list(x)[:4]]),
-                x_inv=np.column_stack([x[n] for n in list(x)[4:8]]),
-                vdc=x["v_dc"],
-                iref=np.column_stack([x["iref_alpha"], x["iref_beta"]]),
-                omega_s=x["omega_s"],
-                omega_r=x["omega_r"],
-                s_prev=applied,
-            )
-        formats = mptc_formats.measurement_formats(self.drive)
-        x = {name: f[name] / form.scale for name, form in formats.items()}
-        several = self.drive.control.sequences
-        return mptc_trace.MptcTrace(
-            i_s=np.column_stack([x["is_alpha"], x["is_beta"]]),
-            psi_s=np.column_stack([x["psis_alpha"], x["psis_beta"]]),
-            omega_r=x["omega_r"],
-            torque_ref=x["torque_ref"],
-            psi_ref=x["psi_ref"],
-            u=applied[:, 0],
-            vectors=applied if several else None,
-            times=np.column_stack([f["t1"], f["t2"]]) / TIME_STEPS if several else None,
-            v_dc=x["v_dc"],
-        )
+        return kind_of(self.drive).trace_of(self.columns)
 
     @property
     def decisions(self) -> mpdcc_trace.Decisions | mptc_trace.MptcDecisions:
         """What it decided."""
-        f, chosen = self.fields, _three(self.fields["applied_next"])
-        if isinstance(self.drive, Drive):
-            return mpdcc_trace.Decisions(
-                s=chosen,
-                held=f["held"],
-                deadlock=f["deadlock"],
-                length=f["length"],
-                cycles=f["cycles"],
-                saturated=f["saturated"],
-                exhausted=f["exhausted"],
-            )
-        several = self.drive.control.sequences
-        return mptc_trace.MptcDecisions(
-            u=chosen[:, 0],
-            cycles=f["cycles"],
-            saturated=f["saturated"] | f["clamped"],
-            vectors=chosen if several else None,
-            times=np.column_stack([f["next_t1"], f["next_t2"]]) / TIME_STEPS if several else None,
-        )
+        return kind_of(self.drive).decisions_of(self.columns)
+
+    def _applied(self, prefix: str, place: str) -> dict[str, NDArray[Any]]:
+        f = self.fields
+        times = (f[name] for name in (f"{prefix}t1", f"{prefix}t2") if name in f)
+        return kind_of(self.drive).applied(self.drive, [*_three(f[place]).T, *times], prefix)
 
     @property
     def columns(self) -> dict[str, NDArray[Any]]:
@@ -442,33 +403,18 @@ class Recording:
         `next_` before the decision's, as a simulation's table has them; `cycles`, `gates` and
         `faults` (words, bits as in the registers), `leakage` (MPDCC).
         """
-        f, trace, d = self.fields, self.trace, self.decisions
-        steps = self.steps
+        f, steps, kind = self.fields, self.steps, kind_of(self.drive)
         zero = steps[self.trigger or 0] if len(self) else 0
         found: dict[str, NDArray[Any]] = {
             "step": steps,
             "time": (steps - zero) * self.drive.control.ts,
         }
-        names = list(mpdcc_formats.MEASUREMENTS)
-        if isinstance(trace, mpdcc_trace.MpdccTrace):
-            table = [*trace.x_m.T, *trace.x_inv.T, trace.vdc, *trace.iref.T]
-            found |= dict(zip(names, [*table, trace.omega_s, trace.omega_r], strict=True))
-            found |= {f"s_{x}": trace.s_prev[:, n] for n, x in enumerate("abc")}
+        found |= {name: f[name] / form.scale for name, form in kind.formats(self.drive).items()}
+        found |= self._applied("", "applied")
+        if "leakage" in f:
             found["leakage"] = f["leakage"] / 2**16
-            assert isinstance(d, mpdcc_trace.Decisions)
-            found |= {f"next_s_{x}": d.s[:, n] for n, x in enumerate("abc")}
-            flags = ("held", "deadlock", "length", "saturated", "exhausted")
-        else:
-            assert isinstance(self.drive, MptcDrive)
-            formats = mptc_formats.measurement_formats(self.drive)
-            found |= {name: f[name] / form.scale for name, form in formats.items()}
-            found["u"], found["next_u"] = trace.u, _three(f["applied_next"])[:, 0]
-            if trace.vectors is not None:
-                for before, t in (("", trace), ("next_", d)):
-                    found |= {f"{before}u{n + 1}": t.vectors[:, n] for n in range(3)}
-                    found |= {f"{before}t{n + 1}": t.times[:, n] for n in range(2)}
-            flags = ("saturated", "clamped")
-        found |= {f"next_{name}": f[name] for name in flags}
+        found |= self._applied("next_", "applied_next")
+        found |= {f"next_{name}": f[name] for name in kind.flags}
         return found | {name: f[name] for name in ("cycles", "gates", "faults")}
 
     def write_trace(self, path: str | os.PathLike[str]) -> None:
@@ -476,19 +422,11 @@ class Recording:
 
         Nothing is left behind a TraceError.
         """
-        trace = self.trace
-        if isinstance(trace, mpdcc_trace.MpdccTrace):
-            mpdcc_trace.write_trace(path, trace)
-        else:
-            mptc_trace.write_trace(path, trace)
+        kind_of(self.drive).write_trace(path, self.trace)
 
     def write_decisions(self, path: str | os.PathLike[str]) -> None:
         """Write what it decided, as `make replay` does. Nothing is left behind a TraceError."""
-        decisions = self.decisions
-        if isinstance(decisions, mpdcc_trace.Decisions):
-            mpdcc_trace.write_decisions(path, decisions)
-        else:
-            mptc_trace.write_decisions(path, decisions)
+        kind_of(self.drive).write_decisions(path, self.decisions)
 
     def write_table(self, path: str | os.PathLike[str]) -> None:
         """Write all columns as CSV. Nothing is left behind a TraceError."""

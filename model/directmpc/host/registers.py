@@ -29,11 +29,10 @@ from directmpc.drive_tables import keys_of
 from directmpc.host.console import OneParagraphParser, reported
 from directmpc.kbest import coefficients as kbest_coefficients
 from directmpc.kbest.drive import KbestDrive
-from directmpc.mpdcc import coefficients, formats
+from directmpc.mpdcc import coefficients
 from directmpc.mpdcc.drive import Drive, Guard, PerUnitDrive
 from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import cycles as mptc_cycles
-from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import observer as mptc_observer
 from directmpc.mptc import speed_observer as mptc_speed_observer
 from directmpc.mptc import vector_sequencer
@@ -196,20 +195,14 @@ def guard_settings(drive: AnyDrive, clock: float) -> dict[str, Setting]:
             f"{MOST_CLOCK / 1e6:g} MHz, given in Hz: {CORE_CLOCK / 1e6:g}e6 for instance"
         )
     asked, ts = drive.guard, drive.control.ts
-    if isinstance(drive, PerUnitDrive):
-        current, voltage = formats.CURRENT.scale, formats.LINK_VOLTAGE.scale
-        speed = "pu", formats.SPEED.scale
-        units = "pu", "pu"
-    else:
-        form = mptc_formats.measurement_formats(drive)
-        current, voltage = form["is_alpha"].scale, form["v_dc"].scale
-        speed = "rad/s", form["omega_r"].scale
-        units = "A", "V"
-    _check_link(drive, units[1])
+    kind = kind_of(drive)
+    scale = {name: form.scale for name, form in kind.formats(drive).items()}
+    ampere, volt, turn = ("pu",) * 3 if kind.per_unit else ("A", "V", "rad/s")
+    _check_link(drive, volt)
     limit = decision_periods(drive) * ts if asked.decision_limit is None else asked.decision_limit
     watchdog = WATCHDOG_PERIODS * ts if asked.watchdog is None else asked.watchdog
     time = "s", clock, f"clocks of {clock / 1e6:g} MHz"
-    amperes, volts = (units[0], current, "of its unit"), (units[1], voltage, "of v_dc")
+    amperes, volts = (ampere, scale["is_alpha"], "of its unit"), (volt, scale["v_dc"], "of v_dc")
     short, long = 2**12 - 1, 2**16 - 1
     highest, peak = (HIGHEST[f"guard.{name}", "value"] for name in ("link_high", "current_limit"))
     chosen = {
@@ -221,12 +214,14 @@ def guard_settings(drive: AnyDrive, clock: float) -> dict[str, Setting]:
         "current_limit": Setting(asked.current_limit, *amperes, peak, False, True),
         "link_high": Setting(asked.link_high, *volts, highest, False, True),
         "link_low": Setting(asked.link_low, *volts, 2**16 - 1, True),
-        "speed_limit": Setting(asked.speed_limit, *speed, "of omega_r", peak, False, True),
+        "speed_limit": Setting(
+            asked.speed_limit, turn, scale["omega_r"], "of omega_r", peak, False, True
+        ),
     }
     found = {f"guard.{name}": setting for name, setting in chosen.items()}
-    if isinstance(drive, PerUnitDrive):
-        capacitor = "pu", formats.CAPACITOR_VOLTAGE.scale, "of v_ph_a"
-        neutral = "pu", formats.NEUTRAL_VOLTAGE.scale, "of v_n"
+    if "v_ph_a" in scale:
+        capacitor = volt, scale["v_ph_a"], "of v_ph_a"
+        neutral = volt, scale["v_n"], "of v_n"
         bands = {
             "v_ph_high": Setting(drive.guard.v_ph_high, *capacitor, highest, False, True),
             "v_ph_low": Setting(drive.guard.v_ph_low, *capacitor, 2**16 - 1, True),

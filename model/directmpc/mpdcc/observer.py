@@ -84,7 +84,7 @@ def coefficients(
     machines alone: with any other load all words are 0.
     """
     m, h = drive.machine, drive.ts_pu
-    if not isinstance(m, InductionMachine):
+    if not m.has_flux_observer:
         return dict.fromkeys(COEFFICIENTS, 0), []
     current = FLUX_SCALE / CURRENT_SCALE
     voltage = FLUX_SCALE / VOLTAGE_SCALE

@@ -131,10 +131,8 @@ class Run:
         found: dict[str, Any] = {}
         for name in (field.name for field in fields(self)):
             value = getattr(self, name)
-            if isinstance(value, MptcTrace):
+            if hasattr(value, "rows"):
                 found[name] = value.rows(rest)
-            elif isinstance(value, Sequences):
-                found[name] = Sequences(*(part[rest] for part in value))
             elif isinstance(value, np.ndarray):
                 found[name] = value[first * (len(value) // n) :]
         return replace(self, **found)
@@ -468,6 +466,7 @@ def simulate(
     controller: tuple[Any, Any] | None = None,
     errors: MptcErrors = NO_ERRORS,
     inside: bool | None = None,
+    observing: Observing = EXACT,
 ) -> Run:
     """Run a closed loop of the twin ("model") or of float64 ("ideal"), or of a compiled controller.
 
@@ -480,7 +479,9 @@ def simulate(
     elif not drive.control.sequences:
         controller = of_one(controller[0]), controller[1]
     given = compiled_errors(errors, drive, len(scenario.torque_ref))
-    return run(drive, scenario, controller, plant=plant, errors=given, inside=inside)
+    return run(
+        drive, scenario, controller, plant=plant, errors=given, inside=inside, observing=observing
+    )
 
 
 def constant(drive: MptcDrive, rpm: float, load: float, psi_ref: float, steps: int) -> Scenario:
@@ -518,6 +519,7 @@ def drive_controller(
     errors: MptcErrors = NO_ERRORS,
     progress: Callable[[int], None] | None = None,
     switch: Any = None,
+    observing: Observing = EXACT,
 ) -> Run:
     """Run any controller in closed loop with our plant, step by step in Python.
 
@@ -549,5 +551,6 @@ def drive_controller(
 
     given = compiled_errors(errors, drive, len(scenario.torque_ref))
     return run(
-        drive, scenario, (_decide, None), compiled=False, plant=plant, errors=given, switch=switch
-    )
+        drive, scenario, (_decide, None), compiled=False, plant=plant, errors=given, switch=switch,
+        observing=observing,
+    )  # fmt: skip

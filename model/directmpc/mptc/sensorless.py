@@ -175,6 +175,27 @@ def _go_on_words(p, measured, omega, applied, vdc):
     return _advance_words(p.observer, measured, omega, applied, vdc)
 
 
+def observing(
+    drive: MptcDrive,
+    engine: str,
+    scenario: Scenario,
+    gains: SpeedGains | None = None,
+    filter_time: float = FILTER_TIME,
+) -> Observing:
+    """The observer in a loop, in float64 ("ideal") or bit-true ("model"), from a scenario's state.
+
+    `filter_time` (s) is that of the low-pass to the speed PI, none for a control period or less;
+    the controller always has the estimate itself. ValueError for a wrong sign, or a value that the
+    model cannot represent.
+    """
+    if not (np.isfinite(filter_time) and filter_time >= 0.0):
+        raise ValueError(f"filter_time: got {filter_time!r:.40}; 0 or more s is needed")
+    ts, omega_r = drive.control.ts, float(scenario.omega_r)
+    known, _, _ = _observer(drive, engine, gains, scenario.current, scenario.flux, omega_r)
+    seen = _Seen(known, min(1.0, ts / max(filter_time, ts)), np.array([omega_r]))
+    return Observing(*((_see, _go_on) if engine == "ideal" else (_see_words, _go_on_words)), seen)
+
+
 def simulate(
     drive: MptcDrive,
     scenario: Scenario,
@@ -185,23 +206,10 @@ def simulate(
     errors: CurrentErrors | MptcErrors | None = None,
     filter_time: float = FILTER_TIME,
 ) -> Run:
-    """Run a closed loop on estimates, in float64 ("ideal") or bit-true ("model").
-
-    The observer begins with the scenario's state. `filter_time` (s) is that of the low-pass to the
-    speed PI, none for a control period or less; the controller always has the estimate itself.
-    ValueError for a wrong sign, or a value that the model cannot represent.
-    """
-    if not (np.isfinite(filter_time) and filter_time >= 0.0):
-        raise ValueError(f"filter_time: got {filter_time!r:.40}; 0 or more s is needed")
-    ts = drive.control.ts
-    first = complex(scenario.current), complex(scenario.flux), float(scenario.omega_r)
-    observer, _, _ = _observer(drive, engine, gains, *first)
-    share = min(1.0, ts / max(filter_time, ts))
-    seen = _Seen(observer, share, np.array([first[2]]))
-    steps = (_see, _go_on) if engine == "ideal" else (_see_words, _go_on_words)
+    """Run a closed loop on estimates, with an engine's controller; ValueError as `observing`."""
     return run(
         drive, scenario, controller_of(drive, engine), wish=(no_wish, 0),
-        observing=Observing(*steps, seen), plant=plant, inside=True,
+        observing=observing(drive, engine, scenario, gains, filter_time), plant=plant, inside=True,
         errors=(errors or CurrentErrors()).compiled(drive, len(scenario.torque_ref)),
     )  # fmt: skip
 

@@ -60,6 +60,10 @@ class Sequences(NamedTuple):
     vectors: IntArray  # (n, 3): Numbers in the order applied
     times: FloatArray  # (n, 2): Fractions of the period of the first two; the third has the rest
 
+    def rows(self, selection: slice) -> Sequences:
+        """Some of them."""
+        return Sequences(self.vectors[selection], self.times[selection])
+
 
 @dataclass(frozen=True)
 class MptcTrace:

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from directmpc.api.kinds import kind_of
 from directmpc.drive_tables import DriveError
 from directmpc.host.board import Board, DisabledError, RegisterError, TrippedError
 from directmpc.host.link import Link, LinkError, RefusedError
@@ -25,11 +26,9 @@ from directmpc.host.registers import registers_of
 from directmpc.host.rtl import Device
 from directmpc.mpdcc.capacitor_observer import CapacitorFilter
 from directmpc.mpdcc.drive import Drive
-from directmpc.mpdcc.formats import MEASUREMENTS
 from directmpc.mptc.drive import MptcDrive
-from directmpc.mptc.formats import measurement_formats
 from directmpc.scope.record import GateCourse, Record, of_recording, positions_of
-from directmpc.scope.rigs import FiveLevelRig, Rig, Setting, TwoLevelRig, parameters_of
+from directmpc.scope.rigs import Setting, parameters_of, rig_of
 from directmpc.scope.signals import fault_names
 
 FAILURES = (
@@ -99,7 +98,7 @@ class Live(threading.Thread):
         super().__init__(daemon=True, name="scope")
         self._board, self._drive, self.record, self._device = board, drive, record, device
         board.link = Tap(board.link, self)
-        self._rig: Rig = FiveLevelRig(drive) if isinstance(drive, Drive) else TwoLevelRig(drive)
+        self._rig = rig_of(drive)
         self.settings = [*self._rig.settings.values(), *parameters_of(drive)]
         if not board.real_time:
             most = FASTEST
@@ -121,8 +120,7 @@ class Live(threading.Thread):
         self._running = self._closing = False
         self._events: deque[dict[str, Any]] = deque(maxlen=20)
         self._error, self._rate, self._gates = "", 0.0, 0
-        formats = measurement_formats(drive) if isinstance(drive, MptcDrive) else MEASUREMENTS
-        self._formats = list(formats.items())
+        self._formats = list(kind_of(drive).formats(drive).items())
         self._course = GateCourse(drive)
         self._later: list[tuple[float, int]] = []
         self._forget()
@@ -440,7 +438,7 @@ class Live(threading.Thread):
     # ---- what goes over the link ----
 
     def _forget(self) -> None:
-        filtered = isinstance(self._drive, Drive) and self._drive.control.capacitor_filter
+        filtered = getattr(self._drive.control, "capacitor_filter", 0)
         self._filters = CapacitorFilter(self._drive) if filtered else None
 
     def written(self, payload: bytes) -> None:
@@ -460,7 +458,7 @@ class Live(threading.Thread):
                 word -= 1 << 16
             row[name] = word / format_.scale
         last, control = int(words[-1]), self._drive.control
-        if isinstance(self._drive, Drive):
+        if self.record.signals.five:
             before = tuple(last >> 3 * n & 7 for n in range(3))
             row |= dict(zip(("s_a", "s_b", "s_c"), before, strict=True))
             row |= {f"next_s_{x}": s for x, s in zip("abc", answer.positions, strict=True)}

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from directmpc.api.kinds import kind_of
 from directmpc.api.simulation import SimulationResult
+from directmpc.csv_table import TraceError
 from directmpc.host.gate_guard import LEGS
 from directmpc.host.recorder import read_recording
-from directmpc.mpdcc import trace as five_trace
 from directmpc.mpdcc.drive import Drive
-from directmpc.mptc import trace as two_trace
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import STATES
 from directmpc.scope.signals import PHASES, AnyDrive, FloatArray, Signals, fault_names
@@ -102,7 +102,7 @@ class GateCourse:
     """
 
     def __init__(self, drive: AnyDrive) -> None:
-        self._leg = LEGS[False] if isinstance(drive, MptcDrive) else drive.converter
+        self._leg = getattr(drive, "converter", LEGS[False])
         self._width = max(max(gates) for gates in self._leg.gates)
         self._dead, self._ts = drive.guard.dead_time or 0.0, float(drive.control.ts)
         self.delay = int(getattr(drive.control, "delay_compensation", True))
@@ -160,11 +160,7 @@ def _filled(drive: AnyDrive, columns: Mapping[str, NDArray[Any]]) -> Record:
 
 def of_result(result: SimulationResult) -> Record:
     """A record of a simulation."""
-    columns = dict(result.table())
-    for name in ("cycles", "exhausted"):
-        if (values := getattr(result.decisions, name, None)) is not None:
-            columns["cycles" if name == "cycles" else "next_exhausted"] = values
-    return of_columns(result.drive, columns)
+    return of_columns(result.drive, result.table() | _beside(result.decisions))
 
 
 def of_columns(drive: AnyDrive, columns: Mapping[str, NDArray[Any]]) -> Record:
@@ -219,52 +215,24 @@ def of_files(drive: AnyDrive, trace: Path, decisions: Path | None) -> Record:
     Without decisions each row decides what the next one says was applied. TraceError for a
     malformed file or another number of rows.
     """
-    columns: dict[str, NDArray[Any]] = {}
-    if not isinstance(drive, MptcDrive):
-        seen = five_trace.read_trace(trace, drive)
-        columns |= dict(
-            zip(("is_alpha", "is_beta", "psir_alpha", "psir_beta"), seen.x_m.T, strict=True)
-        )
-        columns |= dict(zip(("v_n", "v_ph_a", "v_ph_b", "v_ph_c"), seen.x_inv.T, strict=True))
-        columns |= {"iref_alpha": seen.iref[:, 0], "iref_beta": seen.iref[:, 1]}
-        columns |= {"v_dc": seen.vdc, "omega_s": seen.omega_s, "omega_r": seen.omega_r}
-        columns |= {f"s_{x}": seen.s_prev[:, n] for n, x in enumerate(PHASES)}
-        after = {
-            f"next_s_{x}": np.append(c[1:], c[-1])
-            for x, c in ((x, columns[f"s_{x}"]) for x in PHASES)
-        }
-    else:
-        seen = two_trace.read_trace(trace, sequences=drive.control.sequences)
-        columns |= {"is_alpha": seen.i_s[:, 0], "is_beta": seen.i_s[:, 1]}
-        columns |= {"psis_alpha": seen.psi_s[:, 0], "psis_beta": seen.psi_s[:, 1]}
-        columns |= {"omega_r": seen.omega_r, "torque_ref": seen.torque_ref, "psi_ref": seen.psi_ref}
-        columns |= {"u": seen.u, "v_dc": seen.link(drive.inverter.vdc)}
-        after = {"next_u": np.append(seen.u[1:], seen.u[-1:])}
-    columns |= after if decisions is None else _decided(drive, decisions, len(seen))
-    return of_columns(drive, columns)
+    kind = kind_of(drive)
+    columns = kind.columns(kind.read_trace(trace, drive))
+    rows = len(next(iter(columns.values())))
+    if decisions is None:
+        applied = [name for name in ("s_a", "s_b", "s_c", "u") if name in columns]
+        following = {f"next_{n}": np.append(columns[n][1:], columns[n][-1:]) for n in applied}
+        return of_columns(drive, columns | following)
+    made = kind.read_decisions(decisions, drive)
+    if len(made) != rows:
+        raise TraceError(f"{decisions}: {len(made)} rows; the trace has {rows}")
+    return of_columns(drive, columns | kind.decided(made) | _beside(made))
 
 
-def _decided(drive: AnyDrive, path: Path, count: int) -> dict[str, NDArray[Any]]:
-    """Columns of a file of decisions."""
-    found: dict[str, NDArray[Any]]
-    if isinstance(drive, MptcDrive):
-        two = two_trace.read_decisions(path, sequences=drive.control.sequences)
-        found, cycles = {"next_u": two.u, "next_saturated": two.saturated}, two.cycles
-    else:
-        five = five_trace.read_decisions(path)
-        found = {f"next_s_{x}": five.s[:, n] for n, x in enumerate(PHASES)}
-        found |= {
-            f"next_{n}": getattr(five, n) for n in ("held", "deadlock", "length", "saturated")
-        }
-        if five.exhausted is not None:
-            found["next_exhausted"] = five.exhausted
-        cycles = five.cycles
-    if cycles is not None:
-        found["cycles"] = cycles
-    rows = len(next(iter(found.values())))
-    if rows != count:
-        raise five_trace.TraceError(f"{path}: {rows} rows; the trace has {count}")
-    return found
+def _beside(made: Any) -> dict[str, NDArray[Any]]:
+    """Clocks and flags of decisions that not every engine has."""
+    names = {"cycles": "cycles", "saturated": "next_saturated", "exhausted": "next_exhausted"}
+    found = {column: getattr(made, name, None) for name, column in names.items()}
+    return {column: values for column, values in found.items() if values is not None}
 
 
 # ---- what is written ----
@@ -305,40 +273,18 @@ def _csv(record: Record, first: int, last: int, unit: int) -> bytes:
 
 def _trace(record: Record, first: int, last: int, path: Path) -> None:
     t = record.table(first, last)
-
-    def pick(*names: str) -> FloatArray:
-        return np.column_stack([t[name] for name in names])
-
-    if record.signals.five:
-        five = five_trace.MpdccTrace(
-            x_m=pick("is_alpha", "is_beta", "psir_alpha", "psir_beta"),
-            x_inv=pick("v_n", "v_ph_a", "v_ph_b", "v_ph_c"), vdc=t["v_dc"],
-            iref=pick("iref_alpha", "iref_beta"), omega_s=t["omega_s"], omega_r=t["omega_r"],
-            s_prev=pick("s_a", "s_b", "s_c").astype(np.int64),
-        )  # fmt: skip
-        five_trace.write_trace(path, five)
-        return
-    two = two_trace.MptcTrace(
-        i_s=pick("is_alpha", "is_beta"), psi_s=pick("psis_alpha", "psis_beta"),
-        omega_r=t["omega_r"], torque_ref=t["torque_ref"], psi_ref=t["psi_ref"],
-        u=t["u"].astype(np.int64),
-        v_dc=t["v_dc"] if (t["v_dc"] != record.drive.inverter.vdc).any() else None,
-    )  # fmt: skip
-    two_trace.write_trace(path, two)
+    if not record.signals.five and (t["v_dc"] == record.drive.inverter.vdc).all():
+        del t["v_dc"]
+    kind = kind_of(record.drive)
+    kind.write_trace(path, kind.trace_of(t))
 
 
 def _decisions(record: Record, first: int, last: int, path: Path) -> None:
-    t = {name: c.astype(np.int64) for name, c in record.table(first, last).items()}
-    cycles = t["cycles"] if t["cycles"].all() else None
-    if record.signals.five:
-        s = np.column_stack([t[f"next_s_{x}"] for x in PHASES])
-        flags = {
-            n: t[f"next_{n}"] for n in ("held", "deadlock", "length", "saturated", "exhausted")
-        }
-        five_trace.write_decisions(path, five_trace.Decisions(s=s, cycles=cycles, **flags))
-    else:
-        two = two_trace.MptcDecisions(t["next_u"], cycles, t["next_saturated"])
-        two_trace.write_decisions(path, two)
+    t: dict[str, Any] = {n: c.astype(np.int64) for n, c in record.table(first, last).items()}
+    if not t["cycles"].all():
+        t["cycles"] = None
+    kind = kind_of(record.drive)
+    kind.write_decisions(path, kind.decisions_of(t))
 
 
 def _fst(record: Record, first: int, last: int, path: Path) -> None:

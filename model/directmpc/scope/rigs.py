@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from directmpc.api.dynamics import BANDWIDTH, WEIGHT, Course, FieldOrientation
+from directmpc.api.kinds import kind_of
 from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc.closed_loop import nearest_positions
 from directmpc.mpdcc.drive import Drive
@@ -53,21 +54,17 @@ class Setting:
 
 def parameters_of(drive: Drive | KbestDrive | MptcDrive) -> list[Setting]:
     """Parameters of a drive that can change while it runs. Ranges are those of the drive file."""
-    known: dict[str, tuple[str, float, Units]]
-    if isinstance(drive, MptcDrive):
-        known = {
-            "k_psi": ("weight of the flux", 4 * drive.control.k_psi + 1e-9, (("N·m/Wb", 1.0),) * 2)
-        }
-    else:
-        volt = (("V", drive.base.voltage), ("pu", 1.0))
-        amp = (("A", drive.base.current), ("pu", 1.0))
-        known = {
-            "bound_current": ("bound of the currents", 0.5, amp),
-            "bound_vn": ("bound of v_n", 0.5, volt),
-            "bound_vph": ("bound of v_ph", 0.5, volt),
-            "lambda_n": ("λ_n", 2.0, PLAIN),
-            "horizon": ("horizon", 63, (("steps", 1.0), ("steps", 1.0))),
-        }
+    units = kind_of(drive).units(drive)
+    volt, amp = (("V", units.voltage), ("pu", 1.0)), (("A", units.current), ("pu", 1.0))
+    most = 4 * getattr(drive.control, "k_psi", 0.0) + 1e-9
+    known: dict[str, tuple[str, float, Units]] = {
+        "k_psi": ("weight of the flux", most, (("N·m/Wb", 1.0),) * 2),
+        "bound_current": ("bound of the currents", 0.5, amp),
+        "bound_vn": ("bound of v_n", 0.5, volt),
+        "bound_vph": ("bound of v_ph", 0.5, volt),
+        "lambda_n": ("λ_n", 2.0, PLAIN),
+        "horizon": ("horizon", 63, (("steps", 1.0), ("steps", 1.0))),
+    }
     least = {"bound_current": 0.02, "bound_vn": 0.02, "bound_vph": 0.02, "horizon": 1}
     found = []
     for key, (label, most, units) in known.items():
@@ -236,4 +233,6 @@ class TwoLevelRig:
         self._applied = int(applied) if isinstance(applied, int) else applied
 
 
-Rig = FiveLevelRig | TwoLevelRig
+def rig_of(drive: Drive | MptcDrive) -> FiveLevelRig | TwoLevelRig:
+    """A plant for a drive's board."""
+    return FiveLevelRig(drive) if kind_of(drive).per_unit else TwoLevelRig(drive)

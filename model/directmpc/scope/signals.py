@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from directmpc.api.kinds import kind_of
 from directmpc.host.gate_guard import FAULTS
 from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import ideal
-from directmpc.mpdcc.drive import Drive, PerUnitDrive
+from directmpc.mpdcc.drive import Drive
 from directmpc.mptc import ideal as mptc_ideal
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import STATES
@@ -68,7 +69,7 @@ class Signals:
 
     def __init__(self, drive: AnyDrive) -> None:
         self.drive = drive
-        self.five = isinstance(drive, PerUnitDrive)
+        self.five = kind_of(drive).per_unit
         decided = (*FIVE_DECISION, *FIVE_BOUNDS) if self.five else TWO_DECISION
         estimates = bool(getattr(drive.control, "leakage_estimate", False))
         decided += ("leakage",) if estimates else ()
@@ -76,7 +77,8 @@ class Signals:
         self.channels = self._five() if self.five else self._two()
         if estimates:
             self.channels.append(Channel("leakage", "leakage, recorded", "leakage", style="step"))
-        self._ideal = ideal.ideal_parameters(drive) if isinstance(drive, Drive) else None
+        bounded = hasattr(drive.control, "bound_current")
+        self._ideal = ideal.ideal_parameters(drive) if bounded else None
 
     def described(self) -> list[dict[str, Any]]:
         """The channels for the page."""
@@ -93,7 +95,7 @@ class Signals:
             (("Hz", base.frequency), ("pu", 1.0)),
         )
         found = []
-        bounded = not isinstance(self.drive, KbestDrive)
+        bounded = hasattr(self.drive.control, "bound_current")
         for x in PHASES:
             limits = {"low": f"i_{x}_low", "high": f"i_{x}_high"} if bounded else {}
             found.append(Channel(f"i_{x}", f"i_{x}", "currents", current, **limits))
