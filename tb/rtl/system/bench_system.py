@@ -13,7 +13,7 @@ from cocotb.triggers import ClockCycles, FallingEdge, RisingEdge, with_timeout
 from directmpc.api.drive_file import load_drive
 from directmpc.host import registers
 from directmpc.host.gate_guard import FAULTS, gates_of, stop_clocks
-from directmpc.host.register_map import MAPS
+from directmpc.host.registers import registers_of
 from directmpc.kbest import bit_true as kbest_bit_true
 from directmpc.mpdcc import capacitor_observer, leakage, tables
 from directmpc.mpdcc import observer as rotor_flux_observer
@@ -239,10 +239,10 @@ async def every_register(system: System) -> None:
     masks: dict[int, int] = {}
     bounds = [
         at
-        for name, (at, _) in MAPS[system.controller].items()
+        for name, (at, _) in registers_of(system.controller).items()
         if ".bound_" in name and system.controller == "mpdcc"
     ]
-    for name, (address, fields) in MAPS[system.controller].items():
+    for name, (address, fields) in registers_of(system.controller).items():
         if name.startswith("recorder."):  # not built: nobody, below
             continue
         mask = sum(((1 << width) - 1) << low for low, width, _ in fields.values())
@@ -277,7 +277,7 @@ async def every_register(system: System) -> None:
                 held[address] = wanted
         for address in rng.sample(sorted(held), len(held)):
             board.check("word", (await bus.read_word(address)), (held[address], OKAY), hex(address))
-    map_ = MAPS[system.controller]
+    map_ = registers_of(system.controller)
     known = {at for name, (at, _) in map_.items() if not name.startswith("recorder.")}
     none = [a for a in range(0, 1024, 4) if a not in known]
     for address in [map_["recorder.status"][0], map_["recorder.record"][0], *rng.sample(none, 8)]:

@@ -25,7 +25,7 @@ import pytest
 from directmpc.api.drive_file import load_drive, load_mpdcc_drive
 from directmpc.drive_tables import GuardTable, keys_of
 from directmpc.host import registers
-from directmpc.host.register_map import MAPS
+from directmpc.host.registers import registers_of
 from directmpc.mpdcc import cycles as mpdcc_cycles
 from directmpc.mpdcc import formats
 from directmpc.mpdcc.coefficients import registers as mpdcc_registers
@@ -66,7 +66,7 @@ def test_every_shipped_drive_can_be_started(path: Path) -> None:
 def test_every_port_has_a_register_of_its_width(controller: str) -> None:
     ports = ports_of(f"{controller}_core")
     assert len(ports) > 20
-    known = MAPS[controller]
+    known = registers_of(controller)
     for name, width in ports.items():
         (place,) = [n for n in known if n.endswith(f".{name}")]
         (fields,) = known[place][1].values()
@@ -74,14 +74,14 @@ def test_every_port_has_a_register_of_its_width(controller: str) -> None:
 
 
 def test_addresses_are_unique_and_the_lower_half_is_alike() -> None:
-    for known in MAPS.values():
+    for known in map(registers_of, register_files.CONTROLLERS):
         addresses = [address for address, _ in known.values()]
         assert len(set(addresses)) == len(addresses)
         assert max(addresses) < 1024
     # but for the bands of capacitors, which a two-level inverter does not have
     lower = [
         {n: r for n, r in known.items() if r[0] < 0x80 and not n.startswith("bands.")}
-        for known in MAPS.values()
+        for known in map(registers_of, register_files.CONTROLLERS)
     ]
     assert lower[0] == lower[1]
 
@@ -95,11 +95,11 @@ def test_a_drive_becomes_register_values(path: Path) -> None:
     complete = registers.values(drive, built=parts)
     assert found.saturated == [] == complete.saturated
     own = ("parameters.", "guard.", "bands.")
-    known = {n for n in MAPS[found.controller] if n.startswith(own)}
+    known = {n for n in registers_of(found.controller) if n.startswith(own)}
     assert set(complete.words) == known
     names = {"family_method", "duty_rule", "rate", "sensorless", "c_gain_speed", "c_gain_integral"}
     assert known - set(found.words) == ({f"parameters.{n}" for n in names} if parts else set())
-    for name, (_, fields) in MAPS[found.controller].items():
+    for name, (_, fields) in registers_of(found.controller).items():
         if name.startswith(own):
             ((_, width, signed),) = fields.values()
             low, high = (-(1 << width - 1), 1 << width - 1) if signed else (0, 1 << width)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import cocotb
 
-from directmpc.host.register_map import MAPS
+from directmpc.host.registers import registers_of
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments
 
 
@@ -16,7 +16,7 @@ class Rules:
 
     def __init__(self, controller: str, limit: int) -> None:
         self.limit = limit
-        self.names = {address: name for name, (address, _) in MAPS[controller].items()}
+        self.names = {address: name for name, (address, _) in registers_of(controller).items()}
         self.uncommitted = False
         self.asked = 0
 
