@@ -62,13 +62,13 @@ _DOTTED = re.compile(r"\bdirectmpc(?:\.\w+)+")
 _SECTION = re.compile(r"^\w[\w ]*\n-{3,}$", re.M)
 _PLACE = re.compile(r"(\S+\.py):(\d+): ")
 #: Questions for the kind of a drive that are left in a folder: this number only falls.
-KIND_QUESTIONS = {"model": 10, "scripts": 19}
+KIND_QUESTIONS = {"model": 11, "scripts": 19}
 #: What they ask for: classes, and the key `controller` of a drive.
-KINDS = {
-    "Drive", "KbestDrive", "MptcDrive", "PerUnitDrive", "MpdccState", "MptcState", "MpdccTrace",
-    "MptcTrace", "Decisions", "MptcDecisions", "MpdccDecision", "MptcDecision", "InductionMachine",
-    "Pmsm", "Grid", "RlLoad",
-}  # fmt: skip
+KINDS = re.compile(
+    r"(Drive|PerUnitDrive|KbestDrive|MptcDrive|AnyDrive|(Mpdcc|Mptc)(State|Decision|Trace|Errors)"
+    r"|Decisions|MptcDecisions|DriveErrors|(Rtl|Model|Ideal)Controller|Run|VectorSequence"
+    r"|SimulationResult|InductionMachine|Pmsm|Grid|RlLoad)"
+)
 CONTROLLERS = {"mpdcc", "mptc", "kbest"}
 _Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 
@@ -193,8 +193,8 @@ def asks_for_kind(node: ast.AST) -> bool:
     """Whether an expression asks for the kind of a drive, a state, a trace or a load."""
     match node:
         case ast.Call(func=ast.Name(id="isinstance" | "issubclass"), args=[_, given]):
-            names = {getattr(n, "attr", getattr(n, "id", "")) for n in ast.walk(given)}
-            return bool(names & KINDS)
+            names = (getattr(n, "attr", getattr(n, "id", "")) for n in ast.walk(given))
+            return any(map(KINDS.fullmatch, names))
         case ast.Compare(left=left, comparators=others):
             parts = [part for one in (left, *others) for part in getattr(one, "elts", [one])]
             return any(isinstance(p, ast.Constant) and p.value in CONTROLLERS for p in parts)

@@ -6,7 +6,6 @@ Does not prove: imports that a program makes by name at run time.
 
 from __future__ import annotations
 
-import ast
 import os
 import re
 import subprocess
@@ -106,54 +105,6 @@ def test_the_picture_shows_every_room(tmp_path: Path) -> None:
     out.write_text(text.replace("scripts/hdl/", "scripts/hld/"))
     check = subprocess.run([*command, "--check"], cwd=ROOT, check=False, capture_output=True)
     assert check.returncode == 1
-
-
-#: Files that still ask whether a drive, a state or a result is of a kind, and how often at most.
-#: New code asks `directmpc.api.kinds`; this list only becomes shorter.
-ASKING = {
-    "model/directmpc/api/dynamics.py": 1,
-    "model/directmpc/api/simulation.py": 1,
-    "model/directmpc/fmu/variables.py": 9,
-    "model/directmpc/host/__main__.py": 2,
-    "model/directmpc/host/board.py": 1,
-    "model/directmpc/host/recorder.py": 8,
-    "model/directmpc/host/registers.py": 5,
-    "model/directmpc/mptc/closed_loop.py": 1,
-    "model/directmpc/scope/command.py": 1,
-    "model/directmpc/scope/live.py": 4,
-    "model/directmpc/scope/record.py": 3,
-    "model/directmpc/scope/rigs.py": 1,
-    "model/directmpc/scope/signals.py": 3,
-    "model/directmpc/states.py": 3,
-    "scripts/measure/check.py": 1,
-    "scripts/publish/scenes.py": 1,
-    "scripts/studies/field_bench.py": 1,
-    "scripts/studies/fuzz.py": 1,
-}
-KINDS = re.compile(
-    r"(Drive|PerUnitDrive|KbestDrive|MptcDrive|AnyDrive|(Mpdcc|Mptc)(State|Decision|Trace|Errors)"
-    r"|Decisions|MptcDecisions|DriveErrors|(Rtl|Model|Ideal)Controller|Run|VectorSequence"
-    r"|SimulationResult)"
-)
-
-
-def asking(text: str) -> int:
-    """How often a source asks for one of `KINDS` by isinstance."""
-    found = 0
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "isinstance":
-            named = (getattr(part, "id", "") for part in ast.walk(node.args[1]))
-            found += any(KINDS.fullmatch(name) for name in named)
-    return found
-
-
-def test_the_kind_of_a_drive_is_asked_for_nowhere_else() -> None:
-    assert asking("isinstance(x, int) or isinstance(drive, Drive | MptcDrive)") == 1
-    for folder in ("model", "scripts"):
-        for path in sorted((ROOT / folder).rglob("*.py")):
-            name = path.relative_to(ROOT).as_posix()
-            count = asking(path.read_text(encoding="utf-8"))
-            assert count <= ASKING.get(name, 0), f"{name}: directmpc.api.kinds has what differs"
 
 
 TOPOLOGY = re.compile(
