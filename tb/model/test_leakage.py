@@ -12,11 +12,13 @@ Does not prove: anything of the VHDL: the bench of state_observer compares it wi
 from __future__ import annotations
 
 from dataclasses import asdict
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from directmpc import DriveErrors
+from directmpc import DriveErrors, load_drive
+from directmpc.api.controllers import Estimating
 from directmpc.mpdcc import closed_loop, ideal, leakage
 from directmpc.mpdcc import inverter as anpc
 from directmpc.mpdcc.bit_true import fast
@@ -161,3 +163,15 @@ def test_an_ideal_controller_is_refused() -> None:
             drive, ideal.decide, ideal.ideal_parameters(drive), OperatingPoint(1.0), 10,
             leakage_estimate=True,
         )  # fmt: skip
+
+
+def test_beside_a_core_the_estimate_begins_with_what_is_applied(monkeypatch) -> None:
+    """With delay compensation it takes the positions of a step before; the first has none."""
+    told: list[tuple[int, ...]] = []
+    monkeypatch.setattr(leakage.LeakageEstimate, "step", lambda _, words, s: told.append(s))
+    drive = load_drive("anpc5l_6kv").with_control(delay_compensation=True)
+    core = SimpleNamespace(drive=drive, words=[], scale=lambda _: False, decide=lambda _: None)
+    beside = Estimating(core)
+    for applied in ((3, 4, 3), (4, 4, 4), (3, 3, 3)):
+        beside.decide(SimpleNamespace(applied=applied))
+    assert told == [(3, 4, 3), (3, 4, 3), (4, 4, 4)]
