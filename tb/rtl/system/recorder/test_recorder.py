@@ -10,6 +10,7 @@ Does not prove: that what is another's passes the bus unchanged: the proof does.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,22 @@ def bench(rtl: Path = RTL, controller: str = "mpdcc", seed: int = 1, sessions: i
 def test_what_is_recorded_is_what_the_model_has(controller: str, seed: int) -> None:
     outcome = bench(controller=controller, seed=seed)
     assert outcome.measured["read"] > 3  # some wait for a record's words
+
+
+def test_it_has_no_output_but_the_bus() -> None:
+    """So the proofs of its bus say all that it can do to a decision, a gate or a trip."""
+    entity = (
+        (RTL / "system" / "recorder.vhd").read_text(encoding="utf-8").partition("end entity")[0]
+    )
+    outputs = re.findall(r"^ +(\w+) *: out ", entity, re.M)
+    bus = r"(aw|w|b|ar|r)(valid|ready|data|resp)"
+    assert len(outputs) > 10
+    assert [name for name in outputs if not re.fullmatch(f"[ms]_{bus}", name)] == []
+    shell = (RTL / "system" / "system_shell.vhd").read_text(encoding="utf-8")
+    wired = dict(
+        re.findall(r"(\w+) +=> (\w+)", shell.partition("i_recorder :")[2].partition(");")[0])
+    )
+    assert all(wired[name] in (name, name.replace("m_", "heard_")) for name in outputs)
 
 
 STATUS = "status|record"
