@@ -35,7 +35,8 @@ package kbest_constants is
 
   type by_position_t is array (0 to 7) of integer;
 
-  type by_neighbour_t is array (0 to 7, 0 to 2) of integer;
+  -- three neighbours, the last one twice: GHDL 2.0 converts rows of a power of two alone
+  type by_neighbour_t is array (0 to 7, 0 to 3) of integer;
 
   constant LEVEL_OF : by_position_t := (-2, -1, -1, 0, 0, 1, 1, 2); -- quarters of v_dc
   constant NEUTRAL_OF : by_position_t := (0, 0, 1, 1, 1, 1, 0, 0); -- v_n in the phase voltage
@@ -46,86 +47,86 @@ package kbest_constants is
 
   -- change of level by a move
   constant LEVEL_STEP : by_neighbour_t := (
-    (1, 1, 1),
-    (-1, 1, 1),
-    (-1, 1, 1),
-    (-1, -1, 1),
-    (-1, 1, 1),
-    (-1, -1, 1),
-    (-1, 1, 1),
-    (-1, -1, -1)
+    (1, 1, 1, 1),
+    (-1, 1, 1, 1),
+    (-1, 1, 1, 1),
+    (-1, -1, 1, 1),
+    (-1, 1, 1, 1),
+    (-1, -1, 1, 1),
+    (-1, 1, 1, 1),
+    (-1, -1, -1, -1)
   );
 
   -- of v_n in the phase voltage
   constant NEUTRAL_STEP : by_neighbour_t := (
-    (0, 1, 1),
-    (0, 1, 1),
-    (-1, 0, 0),
-    (-1, 0, 0),
-    (0, 0, -1),
-    (0, 0, -1),
-    (1, 0, 0),
-    (1, 0, 0)
+    (0, 1, 1, 1),
+    (0, 1, 1, 1),
+    (-1, 0, 0, 0),
+    (-1, 0, 0, 0),
+    (0, 0, -1, -1),
+    (0, 0, -1, -1),
+    (1, 0, 0, 0),
+    (1, 0, 0, 0)
   );
 
   -- of v_ph in it
   constant CAPACITOR_STEP : by_neighbour_t := (
-    (1, -1, -1),
-    (-1, -1, -1),
-    (1, 1, 1),
-    (1, -1, 1),
-    (-1, 1, -1),
-    (-1, -1, -1),
-    (1, 1, 1),
-    (1, -1, -1)
+    (1, -1, -1, -1),
+    (-1, -1, -1, -1),
+    (1, 1, 1, 1),
+    (1, -1, 1, 1),
+    (-1, 1, -1, -1),
+    (-1, -1, -1, -1),
+    (1, 1, 1, 1),
+    (1, -1, -1, -1)
   );
 
   -- of n(s)
   constant DRAWN_STEP : by_neighbour_t := (
-    (0, 1, 1),
-    (0, 1, 1),
-    (-1, 0, 0),
-    (-1, 0, 0),
-    (0, 0, -1),
-    (0, 0, -1),
-    (1, 0, 0),
-    (1, 0, 0)
+    (0, 1, 1, 1),
+    (0, 1, 1, 1),
+    (-1, 0, 0, 0),
+    (-1, 0, 0, 0),
+    (0, 0, -1, -1),
+    (0, 0, -1, -1),
+    (1, 0, 0, 0),
+    (1, 0, 0, 0)
   );
 
   -- neighbours, ascending
   constant NEIGHBOUR_OF : by_neighbour_t := (
-    (1, 2, 2),
-    (0, 3, 3),
-    (0, 3, 4),
-    (1, 2, 5),
-    (2, 5, 6),
-    (3, 4, 7),
-    (4, 7, 7),
-    (5, 6, 6)
+    (1, 2, 2, 2),
+    (0, 3, 3, 3),
+    (0, 3, 4, 4),
+    (1, 2, 5, 5),
+    (2, 5, 6, 6),
+    (3, 4, 7, 7),
+    (4, 7, 7, 7),
+    (5, 6, 6, 6)
   );
 
   -- turn-ons of a move, current not negative
   constant EFFORT_FORWARDS : by_neighbour_t := (
-    (1, 1, 1),
-    (1, 1, 1),
-    (1, 1, 3),
-    (1, 1, 3),
-    (3, 1, 1),
-    (3, 1, 1),
-    (1, 1, 1),
-    (1, 1, 1)
+    (1, 1, 1, 1),
+    (1, 1, 1, 1),
+    (1, 1, 3, 3),
+    (1, 1, 3, 3),
+    (3, 1, 1, 1),
+    (3, 1, 1, 1),
+    (1, 1, 1, 1),
+    (1, 1, 1, 1)
   );
 
   -- turn-ons of a move, current negative
   constant EFFORT_BACKWARDS : by_neighbour_t := (
-    (1, 1, 1),
-    (1, 1, 1),
-    (1, 1, 3),
-    (1, 1, 3),
-    (3, 1, 1),
-    (3, 1, 1),
-    (1, 1, 1),
-    (1, 1, 1)
+    (1, 1, 1, 1),
+    (1, 1, 1, 1),
+    (1, 1, 3, 3),
+    (1, 1, 3, 3),
+    (3, 1, 1, 1),
+    (3, 1, 1, 1),
+    (1, 1, 1, 1),
+    (1, 1, 1, 1)
   );
 
 end package kbest_constants;

@@ -68,7 +68,8 @@ def text() -> str:
         "",
         "  type by_position_t is array (0 to 7) of integer;",
         "",
-        "  type by_neighbour_t is array (0 to 7, 0 to 2) of integer;",
+        "  -- three neighbours, the last one twice: GHDL 2.0 converts rows of a power of two alone",
+        "  type by_neighbour_t is array (0 to 7, 0 to 3) of integer;",
         "",
         *_table("LEVEL_OF", "by_position_t", t.level.tolist(), "quarters of v_dc"),
         *_table("NEUTRAL_OF", "by_position_t", t.neutral.tolist(), "v_n in the phase voltage"),
@@ -98,7 +99,8 @@ def text() -> str:
         ("EFFORT_FORWARDS", efforts[0], "turn-ons of a move, current not negative"),
         ("EFFORT_BACKWARDS", efforts[1], "turn-ons of a move, current negative"),
     ):
-        body = ",\n    ".join("(" + ", ".join(map(str, row)) + ")" for row in rows)
+        whole = ([*row, row[-1]] for row in rows)
+        body = ",\n    ".join("(" + ", ".join(map(str, row)) + ")" for row in whole)
         lines += [f"  -- {said}", f"  constant {name} : by_neighbour_t := (", f"    {body}"]
         lines += ["  );", ""]
     lines += ["end package kbest_constants;", ""]

@@ -6,6 +6,7 @@ Stimulus: states near the reference; words of any content, with corners; plans o
 input random but at start, `start` repeated while busy.
 Checks: positions, held, saturated, the next plan and its period, the key, bit for bit.
 Timing: no decision takes more clocks than the model says; rows with most children are among them.
+Netlist: the converted Verilog does as the VHDL.
 Resets: at any clock of a decision; the next one is the twin's.
 Faults: one in each file and one in the timing; each must turn the comparison red.
 """
@@ -20,9 +21,10 @@ import pytest
 
 from directmpc.kbest import bit_true
 from directmpc.kbest.coefficients import registers
+from scripts.hdl import agreement, conversion
 from scripts.hdl.clocks import clocks_of
 from scripts.hdl.ghdl import CheckError
-from scripts.hdl.sources import RTL
+from scripts.hdl.sources import RTL, compile_order, rtl_files
 from tb.helpers.faults import altered
 from tb.helpers.simulation import Outcome, run
 from tb.model.test_kbest import NAMES, random_rows, row_of, shipped
@@ -152,3 +154,11 @@ def test_faults_are_found(unit: str, old: str, new: str, tmp_path: Path) -> None
     rtl = altered(tmp_path, unit, old, new)
     with pytest.raises(CheckError, match="decision"):
         bench(tmp_path, 8, beam=4, short_stages=2, long_stages=4, rtl=rtl)
+
+
+def test_the_netlist_does_as_the_vhdl() -> None:
+    """Of one plan and two stages: ten decisions or so on any inputs, all outputs in every clock."""
+    top, built = "kbest_core", {"BEAM": 1, "STAGES": 2}
+    files, netlist = compile_order(top, rtl_files()), conversion.cached(top, built)
+    found = agreement.compare(top, built, files, "93", netlist, clocks=1_500)
+    assert found.known > 0.8
