@@ -108,6 +108,7 @@ FAULTS = {
         "if (wanted = '0') then",
     ),
     "interlock": ("gate_guard", "refused(0) or refused(1) or", "refused(0) or refused(0) or"),
+    "driver": ("gate_guard", "bands(5) <= driver_fault;", "bands(5) <= '0';"),
     "clear": ("gate_supervisor", "latched <= (latched and not clear)", "latched <= latched"),
 }
 

@@ -62,6 +62,10 @@ FAULTS = {
         "mpdcc",
         Fault("system_shell", "=> driver_fault,", "=> '0',", "stopped"),
     ),
+    "driver of the system": (
+        "mpdcc",
+        Fault("mpdcc_system", "=> driver_fault,", "=> '0',", "stopped"),
+    ),
     "start": (
         "mpdcc",
         Fault("system_shell", "start          => measured,\n      decided",
