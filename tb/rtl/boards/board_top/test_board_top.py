@@ -105,21 +105,28 @@ def test_a_wrong_divider_is_seen(tmp_path: Path) -> None:
     assert_seen(fault, tmp_path, lambda rtl: bench({**MPTC, "DIVIDE": 4}, "divided", rtl=rtl))
 
 
+TO_DRIVERS = (
+    "\n      )\n      port map (\n        clk             => core_clock,\n"
+    "        asynchronous(0) => driver"
+)
+
+
 @pytest.mark.parametrize(
-    ("text", "fault"),
+    ("unit", "text", "fault", "drivers"),
     [
-        ("not (said(0) and said(1))", "not said(0)"),
-        ("not (said(0) and said(1))", "not said(1)"),
-        ("STAGES => 2\n      )\n      port map (\n        clk             => core_clock,\n"
-         "        asynchronous(0) => driver",
-         "STAGES => 3\n      )\n      port map (\n        clk             => core_clock,\n"
-         "        asynchronous(0) => driver"),
+        ("board_top", "not (said(0) and said(1))", "not said(0)", True),
+        ("board_top", "not (said(0) and said(1))", "not said(1)", True),
+        ("board_top", f"STAGES => 2{TO_DRIVERS}", f"STAGES => 3{TO_DRIVERS}", True),
+        ("board_top", "driver_fault <= '0';", "driver_fault <= not driver_fault_n;", False),
+        ("mptc_system", "=> driver_fault,", "=> '0',", True),
     ],
-    ids=["fault alone", "ready alone", "late"],
+    ids=["fault alone", "ready alone", "late", "not wired", "not told"],
 )  # fmt: skip
-def test_a_driver_that_is_not_heard_is_seen(text: str, fault: str, tmp_path: Path) -> None:
-    seen = Fault("board_top", text, fault, "driver:")
-    chosen = {**MPTC, "DRIVERS": True}
+def test_a_driver_that_is_not_heard_is_seen(
+    unit: str, text: str, fault: str, drivers: bool, tmp_path: Path
+) -> None:
+    seen = Fault(unit, text, fault, "driver:")
+    chosen = {**MPTC, "DRIVERS": drivers}
     assert_seen(seen, tmp_path, lambda rtl: bench(chosen, decisions=48, rtl=rtl))
 
 
