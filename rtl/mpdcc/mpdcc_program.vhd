@@ -12,6 +12,12 @@ package mpdcc_program is
   -- clocks from the first step of a successor's program to the last that computes result
   function steps_to (result : natural) return natural;
 
+  -- step of the fast variant's program that completes the curvature
+  function curvature_step return natural;
+
+  -- whether that is so early that one unit finds the thresholds of the three phases, one after the other, in time
+  function curves_early return boolean;
+
 end package mpdcc_program;
 
 package body mpdcc_program is
@@ -35,5 +41,32 @@ package body mpdcc_program is
     return last - SUCCESSOR_FIRST;
 
   end function steps_to;
+
+  function curvature_step return natural is
+
+    variable last : natural;
+
+  begin
+
+    last := 0;
+
+    for b in 0 to BLOCK_COUNT - 1 loop
+      for i in 0 to PROGRAM_LENGTHS(0) - 1 loop
+        if (PROGRAM_RESULT(0, b, i) = RESULT_CURVATURE_ALPHA or PROGRAM_RESULT(0, b, i) = RESULT_CURVATURE_BETA) then
+          last := i;
+        end if;
+      end loop;
+    end loop;
+
+    return last;
+
+  end function curvature_step;
+
+  function curves_early return boolean is
+  begin
+
+    return curvature_step + LENGTH_WIDTH <= PROGRAM_LENGTHS(0) - 1;
+
+  end function curves_early;
 
 end package body mpdcc_program;

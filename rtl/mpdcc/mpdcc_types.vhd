@@ -79,8 +79,9 @@ package mpdcc_types is
   -- the opposite of phase c, so does the band
   type band_t is record
     first       : pair_t;                       -- error + curvature: the error at k+1 but for the slope; a and b
-    margin_up   : margins_t;                    -- error - bound - 1: negative inside the upper bound
-    margin_down : margins_t;                    -- error + bound: not negative inside the lower bound
+    margin_up   : margins_t;                    -- error - bound - 1: negative inside the upper bound; without the
+    --                                             error where length_search adds it
+    margin_down : margins_t;                    -- error + bound: not negative inside the lower bound; likewise
     outside     : std_logic_vector(2 downto 0); -- '1': the error is outside at k, and dead for it
     limit       : reaches_t;                    -- INWARDS: what the error at k+1 may be; one clock late
     turn        : turns_t;                      -- threshold, or -threshold - 1 with a negative curvature

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from directmpc.converter import Converter
 from directmpc.mpdcc import formats as f
-from directmpc.mpdcc import inverter
 from directmpc.mpdcc import program as ct
+from directmpc.mpdcc import tables
 
 _RTL = Path(__file__).resolve().parents[2] / "rtl"
 PATH = _RTL / "mpdcc" / "directmpc_constants.vhd"
@@ -33,15 +34,15 @@ def _rows(items: Sequence[str], per_line: int, indent: str = "    ") -> str:
     return (",\n" + indent).join(lines)
 
 
-def _most_effort() -> int:
+def _most_effort(leg: Converter) -> int:
     """Largest sum of three transitions' weights."""
-    heaviest = 3 * int(inverter.TRANSITION_WEIGHT.max())
+    heaviest = 3 * int(leg.transition_weight.max())
     if heaviest >= 2**f.EFFORT_WIDTH:
         raise ValueError(f"three transitions weigh up to {heaviest}: EFFORT_WIDTH is too small")
     return heaviest
 
 
-def _formats() -> list[str]:
+def _formats(leg: Converter) -> list[str]:
     """Widths and fixed-point positions."""
     entries = [
         ("CURRENT_WIDTH", f.CURRENT.width, "bits, measured currents, signed"),
@@ -65,7 +66,7 @@ def _formats() -> list[str]:
         ("LENGTH_WIDTH", f.LENGTH_WIDTH, "bits, steps"),
         ("INDEX_WIDTH", f.INDEX_WIDTH, "bits, place of a candidate in the order of enumeration"),
         ("EFFORT_WIDTH", f.EFFORT_WIDTH, "bits, weighted transitions of a candidate"),
-        ("MOST_EFFORT", _most_effort(), "weighted transitions of a candidate, at most"),
+        ("MOST_EFFORT", _most_effort(leg), "weighted transitions of a candidate, at most"),
         ("TOTAL_EFFORT_WIDTH", f.TOTAL_EFFORT_WIDTH, "bits, of two candidates in turn"),
         ("BASE_WIDTH", f.BASE_WIDTH, "bits, errors and slopes that successors start from, signed"),
         ("BUDGET_WIDTH", f.BUDGET_WIDTH, "bits, candidates of the second level, unsigned"),
@@ -319,8 +320,9 @@ def _program(plan: ct.Plan) -> list[str]:
     return lines
 
 
-def text(plan: ct.Plan = ct.USUAL) -> str:
-    """The whole package, for what the multiply-accumulate blocks run."""
+def text(name: str = tables.DEFAULT) -> str:
+    """The whole package, for the core of a converter."""
+    leg = tables.leg_of(name)
     return "\n".join(
         [
             _HEADER,
@@ -329,8 +331,8 @@ def text(plan: ct.Plan = ct.USUAL) -> str:
             "",
             "package directmpc_constants is",
             "",
-            *_formats(),
-            *_program(plan),
+            *_formats(leg),
+            *_program(ct.plan_of(leg)),
             "end package directmpc_constants;",
             "",
         ]

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from directmpc.converter import Converter
-from directmpc.mpdcc import program, tables
+from directmpc.mpdcc import tables
 from directmpc.mpdcc.coefficients import INDEX
 from scripts.hdl import constants_package
 from scripts.hdl.sources import RTL
@@ -280,8 +280,7 @@ def rtl_of(name: str) -> Path:
     if name == tables.DEFAULT:
         return RTL
     files = sorted(RTL.rglob("*.vhd"))
-    plan = program.plan_of(tables.leg_of(name))
-    packages = {PACKAGE: text(name), constants_package.PATH: constants_package.text(plan)}
+    packages = {PACKAGE: text(name), constants_package.PATH: constants_package.text(name)}
     folder = tools.BUILD / "converters" / f"{name}-{tools.digest(*packages.values(), *files)[:16]}"
     if not folder.exists():
         folder.parent.mkdir(parents=True, exist_ok=True)

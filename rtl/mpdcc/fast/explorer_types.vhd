@@ -9,6 +9,7 @@ library ieee;
 
 library work;
   use work.directmpc_constants.all;
+  use work.directmpc_math.all;
   use work.mpdcc_timing.all;
   use work.mpdcc_types.all;
 
@@ -67,6 +68,9 @@ package explorer_types is
   -- the smaller of two lengths
   function shorter (a, b : length_t) return length_t;
 
+  -- bits of the effort of a candidate, or of two in turn
+  function effort_bits_of (second_level : boolean) return natural;
+
 end package explorer_types;
 
 package body explorer_types is
@@ -106,5 +110,12 @@ package body explorer_types is
     end if;
 
   end function shorter;
+
+  function effort_bits_of (second_level : boolean) return natural is
+  begin
+
+    return selector_width(MOST_EFFORT * choose(second_level, 2, 1) + 1);
+
+  end function effort_bits_of;
 
 end package body explorer_types;

@@ -38,11 +38,12 @@ library work;
 entity length_search is
   generic (
     ALLOWED_AT : natural range ALLOW_STAGE to SHORTEST - 1 := ALLOW_STAGE; -- stage of allowed
-    INWARDS    : boolean                                  := false        -- true: errors that start outside, too
+    INWARDS    : boolean                                  := false;       -- true: errors that start outside, too
+    SUMMED     : boolean                                  := false        -- true: margins come without the error
   );
   port (
     clk     : in    std_logic; -- rising edge
-    node    : in    node_t;    -- curvatures
+    node    : in    node_t;    -- curvatures; errors, with SUMMED
     band    : in    band_t;    -- margins and thresholds
     valid   : in    stages_t;  -- '1': the stage holds a candidate
     slopes  : in    slopes_t;  -- of the candidate, stages 3 and 4
@@ -136,6 +137,10 @@ begin
             margin := band.margin_up(x);
           else
             margin := band.margin_down(x);
+          end if;
+
+          if (SUMMED) then
+            margin := margin + node.error(x)(MARGIN_WIDTH downto 0);
           end if;
 
           lanes(0)(x).margin  <= unsigned(margin(INSIDE_WIDTH - 1 downto 0));

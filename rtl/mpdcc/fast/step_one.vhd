@@ -142,6 +142,8 @@ architecture rtl of step_one is
   signal entry       : entries_t;                -- of the phases: a and b in stage FIRST_ROWS, c in the next
   signal neutral_far : length_t;                 -- of v_n, stage FIRST_ROWS + 1
   signal neutral_off : worst_t;
+  signal block_far   : length_t;                 -- the same where no phase has a capacitor
+  signal block_off   : worst_t;
 
   -- '1': the row is of what does not move and is inside; phases, v_n
   signal rests_early : std_logic_vector(0 to 3); -- stage FIRST_ROWS
@@ -309,6 +311,51 @@ begin
 
   end process p_neutral;
 
+  -- where no phase has a table in block RAM, the neutral point's is in one, and that in LUTs is not read
+  g_block : if not HAS_CAPACITORS generate
+
+    signal stored  : std_logic_vector(LENGTH_WIDTH + WORST_WIDTH - 1 downto 0);
+    signal fetched : std_logic_vector(LENGTH_WIDTH + WORST_WIDTH - 1 downto 0);
+
+  begin
+
+    p_stored : process (capacitor, limits) is
+
+      variable off : worst_t;
+
+    begin
+
+      off := resize(capacitor.excess, WORST_WIDTH);
+
+      if (limits.deadlock_rule = '1' and WEIGHTED_DEADLOCK) then
+        off := shift_left(off, DEADLOCK_NEUTRAL_SHIFT);
+      end if;
+
+      stored <= std_logic_vector(capacitor.length) & std_logic_vector(off);
+
+    end process p_stored;
+
+    block_far <= unsigned(fetched(fetched'high downto WORST_WIDTH));
+    block_off <= signed(fetched(WORST_WIDTH - 1 downto 0));
+
+    i_neutral : entity work.ram
+      generic map (
+        ADDRESS_WIDTH => NEUTRAL_BITS,
+        WIDTH         => LENGTH_WIDTH + WORST_WIDTH,
+        STYLE         => "block"
+      )
+      port map (
+        clk           => clk,
+        write         => neutral_write,
+        write_address => neutral_new(NEUTRAL_BITS - 1 downto 0),
+        write_word    => stored,
+        read          => valid(FIRST_ROWS),
+        read_address  => neutral_reads(1 + LATE),
+        read_word     => fetched
+      );
+
+  end generate g_block;
+
   ---------------------------------------------------------------------------------------------
   -- What does not move
   ---------------------------------------------------------------------------------------------
@@ -454,9 +501,9 @@ begin
           worse_early <= worse(worse_pair, resize(current, WORST_WIDTH));
           shortest    := shorter(short_pair, at_rest(length_of(entry(2)), rests_late(2), limits.horizon));
         elsif (HAS_NEUTRAL) then
-          worse_late  <= neutral_off;
+          worse_late  <= block_off;
           worse_early <= resize(current, WORST_WIDTH);
-          shortest    := at_rest(neutral_far, rests_late(3), limits.horizon);
+          shortest    := at_rest(block_far, rests_late(3), limits.horizon);
         else
           worse_early <= resize(current, WORST_WIDTH);
           shortest    := limits.horizon;

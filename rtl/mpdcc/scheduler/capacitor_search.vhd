@@ -17,6 +17,8 @@
 -- so 13 lines remain, out 7 to 19 clocks after start; a node follows another after 16 clocks.
 -- Without phase capacitors their lines are left out: 8 for a root, 7 for a successor; rows are out 9 and 6 clocks
 -- earlier.
+-- For a root alone (without SECOND_LEVEL) each line then takes three clocks: held is valid 6 clocks after start, the
+-- last of 8 rows is out 28 clocks after start.
 -- Without a neutral point its lines are left out too.
 -- Rule inwards (INWARDS, chosen with limits.outside_inwards): a line that starts outside and moves inwards
 -- has the length up to the bound on the other side, instead of none. What BASE_WIDTH bits do not hold has none.
@@ -51,7 +53,7 @@ entity capacitor_search is
     successor : in   std_logic; -- with start: only lines with a current; the others are the root's
     bank     : in    std_logic; -- with start: which table
     held     : out   std_logic;   -- '1': the lines of s(k-1) are inside at k+1; see latency
-    ready    : out   std_logic;   -- '1': the last row is out 6 clocks later
+    ready    : out   std_logic;   -- '1': the last row is out 6 clocks later, 8 where a line takes three clocks
     entry    : out   capacitor_t  -- rows of the table as they come
   );
 end entity capacitor_search;
@@ -73,7 +75,11 @@ architecture rtl of capacitor_search is
   -- what is outside has more room than the band
   constant ROOM_WIDTH : natural := BOUND_WIDTH + choose(INWARDS, 1, 0);
 
-  subtype room_t is unsigned(ROOM_WIDTH - 1 downto 0);
+  -- lines of the neutral point alone are few: each takes three clocks, and one stage finds its length
+  constant IN_TURN : boolean := not HAS_CAPACITORS and not SECOND_LEVEL;
+  constant LAST    : natural := choose(IN_TURN, 3, CAPACITOR_STAGES); -- stage that completes a length
+
+  subtype room_t is unsigned(ROOM_WIDTH + choose(IN_TURN, 4, 0) - 1 downto 0);
 
   subtype pace_t is unsigned(BOUND_WIDTH - 1 downto 0);
 
@@ -145,7 +151,8 @@ architecture rtl of capacitor_search is
 
   end function selected_term;
 
-  signal line  : natural range 0 to LINES; -- LINES: idle
+  signal line      : natural range 0 to LINES; -- LINES: idle
+  signal beat      : natural range 0 to 2;     -- clock of the line, with IN_TURN
   signal valid     : std_logic_vector(0 to CAPACITOR_STAGES);
   signal first     : std_logic_vector(0 to 2);     -- '1': a line of s(k-1)
   signal phase_0   : phase_t;
@@ -205,20 +212,27 @@ begin
     if rising_edge(clk) then
       valid <= to_std_logic(line /= LINES) & valid(0 to CAPACITOR_STAGES - 1);
 
-      if (line = CHARGED - 1) then
-        line <= LINES;
-      elsif (line /= LINES) then
-        line <= line + 1;
-      end if;
+      if (beat = 2 or not IN_TURN) then
+        beat <= 0;
 
-      if ((line >= OTHER_PATTERNS and line < CHARGED) or line >= ALL_PATTERNS) then
-        flips <= flips + 1;
+        if (line = CHARGED - 1) then
+          line <= LINES;
+        elsif (line /= LINES) then
+          line <= line + 1;
+        end if;
+
+        if ((line >= OTHER_PATTERNS and line < CHARGED) or line >= ALL_PATTERNS) then
+          flips <= flips + 1;
+        else
+          flips <= "001";
+        end if;
       else
-        flips <= "001";
+        beat <= beat + 1;
       end if;
 
       if (start = '1') then
         line     <= 0;
+        beat     <= 0;
         bank_now <= bank;
 
         if (successor = '1') then
@@ -369,12 +383,12 @@ begin
     if rising_edge(clk) then
       first(2) <= first(1);
 
-      if (valid(1) = '1') then
+      if (valid(1) = '1' and (beat = 2 or not IN_TURN)) then
         falls  := slope_1(CURRENT_TERM_WIDTH);
         bound  := signed(resize(bound_1, TRAJECTORY_WIDTH + 1));
         ahead  := adjusted(bound, error_1, falls, not falls);
         behind := adjusted(bound, error_1, not falls, falls);
-        room_2 <= unsigned(ahead(ROOM_WIDTH - 1 downto 0));
+        room_2 <= resize(unsigned(ahead(ROOM_WIDTH - 1 downto 0)), room_2'length);
 
         -- at most 2 ** (CURRENT_TERM_WIDTH - 1)
         moves := '0';
@@ -409,7 +423,7 @@ begin
 
   end process p_room;
 
-  -- stages 3 to CAPACITOR_STAGES
+  -- stages 3 to LAST; with IN_TURN the one stage takes a room four times as large in each clock
   room(2)      <= room_2;
   pace(2)      <= pace_2;
   is_inside(2) <= inside_2;
@@ -418,7 +432,7 @@ begin
   row(2)       <= row_2;
   length(2)    <= (others => '0');
 
-  g_stages : for i in 3 to CAPACITOR_STAGES generate
+  g_stages : for i in 3 to LAST generate
 
     p_length : process (clk) is
 
@@ -433,23 +447,35 @@ begin
           left := room(i - 1);
           bits := length(i - 1);
 
+          if (IN_TURN and beat /= 0) then
+            left := room(i);
+          end if;
+
           for place in 2 * (CAPACITOR_STAGES - i) + 1 downto 2 * (CAPACITOR_STAGES - i) loop
             -- the bits below place are unaffected by 2**place * pace and bypass the subtractor
             less := signed(resize(shift_right(left, place), less'length)) - signed(resize(pace(i - 1), less'length));
 
             if (less >= 0) then
-              left(ROOM_WIDTH - 1 downto place) := unsigned(less(ROOM_WIDTH - place - 1 downto 0));
-              bits(place)                       := '1';
+              left(left'high downto place) := unsigned(less(left'high - place downto 0));
+              bits(place)                  := '1';
             end if;
           end loop;
 
-          room(i)      <= left;
-          pace(i)      <= pace(i - 1);
-          length(i)    <= bits;
-          is_inside(i) <= is_inside(i - 1);
-          alive(i)     <= alive(i - 1);
-          excess(i)    <= excess(i - 1);
-          row(i)       <= row(i - 1);
+          room(i)   <= left;
+          pace(i)   <= pace(i - 1);
+          length(i) <= bits;
+
+          if (IN_TURN) then
+            room(i)   <= shift_left(left, 2);
+            length(i) <= shift_left(length(i), 2) or shift_right(bits, LENGTH_WIDTH - 2);
+          end if;
+
+          if (beat = 2 or not IN_TURN) then
+            is_inside(i) <= is_inside(i - 1);
+            alive(i)     <= alive(i - 1);
+            excess(i)    <= excess(i - 1);
+            row(i)       <= row(i - 1);
+          end if;
         end if;
       end if;
 
@@ -466,25 +492,25 @@ begin
 
   end process p_bank;
 
-  p_entry : process (valid, row, bank_row, length, is_inside, alive, excess, limits) is
+  p_entry : process (valid, beat, row, bank_row, length, is_inside, alive, excess, limits) is
   begin
 
-    entry.write     <= valid(CAPACITOR_STAGES);
-    entry.row       <= row(CAPACITOR_STAGES);
-    entry.bank      <= bank_row(CAPACITOR_STAGES);
-    entry.length    <= length(CAPACITOR_STAGES);
-    entry.excess    <= excess(CAPACITOR_STAGES);
-    entry.is_inside <= is_inside(CAPACITOR_STAGES);
+    entry.write     <= valid(CAPACITOR_STAGES) and to_std_logic(beat = 0 or not IN_TURN);
+    entry.row       <= row(LAST);
+    entry.bank      <= bank_row(LAST);
+    entry.length    <= length(LAST);
+    entry.excess    <= excess(LAST);
+    entry.is_inside <= is_inside(LAST);
 
-    if (alive(CAPACITOR_STAGES) = '0') then
+    if (alive(LAST) = '0') then
       entry.length <= (others => '0');
-    elsif (length(CAPACITOR_STAGES) > limits.horizon) then
+    elsif (length(LAST) > limits.horizon) then
       entry.length <= limits.horizon;
     end if;
 
   end process p_entry;
 
   held  <= passed;
-  ready <= to_std_logic(line = LINES);
+  ready <= to_std_logic(line = LINES or (IN_TURN and (line = CHARGED - 1 or (line = CHARGED - 2 and beat > 0))));
 
 end architecture rtl;

@@ -25,6 +25,7 @@ library work;
   use work.directmpc_constants.all;
   use work.directmpc_math.all;
   use work.mpdcc_math.all;
+  use work.mpdcc_program.all;
   use work.mpdcc_timing.all;
   use work.mpdcc_types.all;
   use work.second_level_types.all;
@@ -56,6 +57,9 @@ architecture rtl of common_terms is
 
   -- whether successors are computed
   constant ADVANCES : boolean := SECOND_LEVEL and not FOLDED;
+
+  -- whether the curvature is of use before the rest of the node
+  constant EARLY : boolean := curves_early and not SECOND_LEVEL and not FOLDED;
 
   constant LAST_STEP : natural := choose(ADVANCES, PROGRAM_STEPS, LENGTH_OF_PROGRAM); -- of all programs that are run
 
@@ -440,6 +444,12 @@ begin
                             or overflows(curvature(2), CURVATURE_WIDTH) = '1')) then
           saturated <= '1';
         end if;
+      end if;
+
+      if (EARLY) then
+        for x in 0 to 2 loop
+          bend(x) <= clip(curvature(x), CURVATURE_WIDTH);
+        end loop;
       end if;
     end if;
 

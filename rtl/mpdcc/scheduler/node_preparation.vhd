@@ -8,6 +8,9 @@
 -- Formats: see band_t and capacitor_t.
 -- Latency: band but for turn with the node, turn 9 clocks after preparation.turn; table and held
 -- as in capacitor_search after preparation.capacitors.
+-- Where the curvature comes early (curves_early) one unit finds the thresholds of a, b and c one after the other, and
+-- whether the errors are outside: turn and outside of c are there 20 clocks after the node's curvature. preparation.turn
+-- is not looked at.
 -- Overflow: margins are void where the error is outside at k; nothing reads them there.
 -- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
@@ -20,6 +23,7 @@ library work;
   use work.converter_leg.all;
   use work.directmpc_constants.all;
   use work.directmpc_math.all;
+  use work.mpdcc_program.all;
   use work.mpdcc_types.all;
   use work.second_level_types.all;
 
@@ -50,15 +54,20 @@ architecture rtl of node_preparation is
 
   type thresholds_t is array (0 to 2) of threshold_t;
 
+  -- whether one unit serves the three phases in turn
+  constant IN_TURN : boolean := curves_early and not SECOND_LEVEL and not INWARDS;
+
   signal thresholds  : thresholds_t;
   signal shown       : thresholds_t;
   signal show_third  : std_logic;
+  signal kept        : thresholds_t;             -- IN_TURN
+  signal beyond      : std_logic_vector(0 to 2); -- '1': the error is outside at k
   signal margin_up   : margins_t;
   signal margin_down : margins_t;
 
 begin
 
-  g_thresholds : for x in 0 to 2 generate
+  g_thresholds : for x in 0 to choose(IN_TURN, -1, 2) generate
 
     signal room     : trajectory_t;
     signal room_up  : margin_t;
@@ -102,8 +111,107 @@ begin
 
   end process p_shown;
 
+  -- six clocks each: the unit takes a phase while the result of the phase before is kept
+  g_in_turn : if IN_TURN generate
+
+    -- clocks from preparation.capacitors to the first in which the node has a curvature, less one
+    constant LEAD : positive := curvature_step + 1 - CAPACITOR_STEP;
+
+    signal lead_in   : std_logic_vector(1 to LEAD);
+    signal phase     : natural range 0 to 3; -- 3: none is left
+    signal beat      : natural range 0 to LENGTH_WIDTH - 1;
+    signal takes     : std_logic;
+    signal chosen    : trajectory_t;
+    signal curvature : curvature_t;
+    signal plus      : std_logic;
+    signal room      : trajectory_t;
+    signal room_up   : margin_t;
+    signal room_low  : margin_t;
+    signal threshold : threshold_t;
+
+  begin
+
+    takes <= to_std_logic(beat = 0 and phase < 3);
+
+    p_chosen : process (phase, error_ahead, node) is
+
+      variable error : trajectory_t;
+      variable bend  : curvature_t;
+
+    begin
+
+      error := (others => '0');
+      bend  := (others => '0');
+
+      for x in 0 to 2 loop
+        error := error or gated(error_ahead(x), to_std_logic(phase = x));
+        bend  := bend or gated(node.curvature(x), to_std_logic(phase = x));
+      end loop;
+
+      chosen    <= error;
+      curvature <= bend;
+
+    end process p_chosen;
+
+    -- bound + error or bound - error: first the one that the threshold needs, then the other one
+    plus     <= curvature(CURVATURE_WIDTH - 1) xor takes;
+    room     <= adjusted(signed(resize(limits.bound_current, TRAJECTORY_WIDTH)), chosen, plus, not plus);
+    room_low <= room(MARGIN_WIDTH downto 0);
+    room_up  <= not room_low;
+
+    i_threshold : entity work.turn_threshold
+      port map (
+        clk         => clk,
+        start       => takes,
+        margin_up   => room_up,
+        margin_down => room_low,
+        curvature   => curvature,
+        threshold   => threshold
+      );
+
+    p_turn : process (clk) is
+    begin
+
+      if rising_edge(clk) then
+        if (beat = LENGTH_WIDTH - 1) then
+          beat  <= 0;
+          phase <= phase + 1;
+        elsif (phase < 3) then
+          beat <= beat + 1;
+        end if;
+
+        for x in 0 to 2 loop
+          if (phase = x + 1 and beat = 0) then
+            kept(x) <= threshold;
+          end if;
+
+          if (phase = x and beat = 0) then
+            beyond(x) <= room(TRAJECTORY_WIDTH - 1);
+          elsif (phase = x and beat = 1) then
+            beyond(x) <= beyond(x) or room(TRAJECTORY_WIDTH - 1);
+          end if;
+        end loop;
+
+        lead_in <= preparation.capacitors & lead_in(1 to LEAD - 1);
+
+        if (lead_in(LEAD) = '1') then
+          phase <= 0;
+          beat  <= 0;
+        end if;
+
+        if (rst = '1') then
+          lead_in <= (others => '0');
+          phase   <= 3;
+          beat    <= 0;
+        end if;
+      end if;
+
+    end process p_turn;
+
+  end generate g_in_turn;
+
   -- sums of what the node's registers hold; explorers register what they make of them
-  p_band : process (limits, node, shown, previous, negative) is
+  p_band : process (limits, node, shown, kept, beyond, previous, negative) is
 
     variable bound   : trajectory_t;
     variable above   : trajectory_t;
@@ -129,6 +237,14 @@ begin
       band.outside(x) <= outside and not follow;
       -- threshold, or -threshold - 1: the sign of slope + turn tells in either case
       band.turn(x)    <= signed(('0' & shown(x)) xor falling);
+
+      -- length_search adds the error
+      if (IN_TURN) then
+        margin_up(x)    <= not bound(MARGIN_WIDTH downto 0);
+        margin_down(x)  <= bound(MARGIN_WIDTH downto 0);
+        band.outside(x) <= beyond(x);
+        band.turn(x)    <= signed(falling xor ('0' & kept(x)));
+      end if;
     end loop;
 
     for x in 0 to 1 loop
