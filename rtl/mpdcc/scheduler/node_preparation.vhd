@@ -9,8 +9,8 @@
 -- Latency: band but for turn with the node, turn 9 clocks after preparation.turn; table and held
 -- as in capacitor_search after preparation.capacitors.
 -- Where the curvature comes early (curves_early) one unit finds the thresholds of a, b and c one after the other, and
--- whether the errors are outside: turn and outside of c are there 20 clocks after the node's curvature. preparation.turn
--- is not looked at.
+-- whether the errors are outside: turn and outside of c are there 20 clocks after the node's curvature. It does not
+-- look at preparation.turn.
 -- Overflow: margins are void where the error is outside at k; nothing reads them there.
 -- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0

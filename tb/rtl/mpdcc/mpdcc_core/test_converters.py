@@ -55,22 +55,33 @@ def test_the_core_decides_as_its_model(
 
 
 @pytest.mark.parametrize(
-    ("text", "slip"),
+    ("name", "text", "slip"),
     [
-        ('CURRENT : positions_mask_t := "0010001', 'CURRENT : positions_mask_t := "0010000'),
-        ("(1, 0, 1, 1),", "(1, 0, 3, 3),"),
-        ("NEXT_LAST : next_last_t := (1, 2,", "NEXT_LAST : next_last_t := (1, 1,"),
+        (
+            "npc3l",
+            'CURRENT : positions_mask_t := "0010001',
+            'CURRENT : positions_mask_t := "0010000',
+        ),
+        ("npc3l", "(1, 0, 1, 1),", "(1, 0, 3, 3),"),
+        ("npc3l", "NEXT_LAST : next_last_t := (1, 2,", "NEXT_LAST : next_last_t := (1, 1,"),
+        (
+            "ttype3l",
+            'VOLTAGE : positions_mask_t := "0010001',
+            'VOLTAGE : positions_mask_t := "0010000',
+        ),
+        ("fc3l", 'CHARGE : positions_mask_t := "010001', 'CHARGE : positions_mask_t := "010000'),
+        ("two_level", "NEXT_LAST : next_last_t := (1, 1,", "NEXT_LAST : next_last_t := (0, 1,"),
     ],
-    ids=["neutral current", "weight", "last"],
+    ids=["neutral current", "weight", "last", "neutral voltage", "charge", "last of two"],
 )  # fmt: skip
-def test_a_slip_in_the_package_is_noticed(text: str, slip: str, tmp_path: Path) -> None:
+def test_a_slip_in_the_package_is_noticed(name: str, text: str, slip: str, tmp_path: Path) -> None:
     rtl = tmp_path / "rtl"
-    shutil.copytree(converter_package.rtl_of("npc3l"), rtl)
+    shutil.copytree(converter_package.rtl_of(name), rtl)
     package = rtl / converter_package.PACKAGE.relative_to(converter_package.RTL)
     whole = package.read_text(encoding="utf-8")
     assert text in whole
     package.write_text(whole.replace(text, slip), encoding="utf-8")
-    rows = rows_of(drive_of("npc3l"), "fast", 40)
+    rows = rows_of(drive_of(name), "fast", 40)
     found = core.simulate(rows, 2, "fast", rtl=rtl)
     assert not np.array_equal(found.decisions, rows.model("fast"))
 
@@ -85,6 +96,19 @@ def test_the_usual_design_is_the_checked_in_one() -> None:
     assert converter_package.rtl_of(tables.DEFAULT) == converter_package.RTL
     text = converter_package.PACKAGE.read_text(encoding="utf-8")
     assert text == converter_package.text()
+
+
+def test_three_levels_are_smaller_and_sooner_done() -> None:
+    page = inside(study.PAGE.read_text(encoding="utf-8"), study.BEGIN, study.END)
+    rows = [[cell.strip(" `%|") for cell in row.split(" | ")] for row in page.splitlines()]
+    core = {row[0]: dict(zip(study.HEAD, row, strict=True)) for row in rows if len(row) > 5}
+    five, three = (
+        int(core[name]["slices, unpacked"].replace(",", "")) for name in ("anpc5l", "npc3l")
+    )
+    assert three <= 0.75 * five
+    assert int(core["npc3l"]["candidates"]) == 27
+    assert int(core["npc3l"]["clocks of a search, at most"]) <= 80
+    assert all(float(core[name]["unlike ideal"]) <= 0.25 for name in tables.NAMES)
 
 
 @pytest.mark.parametrize("name", ["anpc5l", "npc3l"])
