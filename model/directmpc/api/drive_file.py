@@ -109,8 +109,8 @@ def load_core_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
     drive = load_drive(path)
     if drive.controller == "kbest":
         raise DriveFileError(
-            f'{path}: controller: got "kbest"; it must be "mpdcc" or "mptc" here: there is no core '
-            "of K-best"
+            f'{path}: controller: got "kbest"; it must be "mpdcc" or "mptc" here: there is no '
+            "board of K-best"
         )
     return drive
 
