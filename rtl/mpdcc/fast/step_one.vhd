@@ -356,6 +356,11 @@ begin
 
   end generate g_block;
 
+  g_no_block : if HAS_CAPACITORS generate
+    block_far <= (others => '0');
+    block_off <= (others => '0');
+  end generate g_no_block;
+
   ---------------------------------------------------------------------------------------------
   -- What does not move
   ---------------------------------------------------------------------------------------------

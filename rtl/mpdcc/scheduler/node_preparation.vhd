@@ -210,6 +210,11 @@ begin
 
   end generate g_in_turn;
 
+  g_not_in_turn : if not IN_TURN generate
+    kept   <= (others => (others => '0'));
+    beyond <= (others => '0');
+  end generate g_not_in_turn;
+
   -- sums of what the node's registers hold; explorers register what they make of them
   p_band : process (limits, node, shown, kept, beyond, previous, negative) is
 
