@@ -14,6 +14,7 @@ import re
 import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from dataclasses import field as attribute
 from pathlib import Path
 
 from peakrdl_cheader.exporter import CHeaderExporter
@@ -772,7 +773,7 @@ def _regions(tops: dict[str, AddrmapNode]) -> tuple[str, dict[str, str]]:
 class _Entry:
     """A register of the page: cells of its row, and the list of its fields if it has several."""
 
-    address: int
+    address: int = attribute(compare=False)
     name: str
     form: str
     text: str
@@ -804,7 +805,8 @@ def _entry(node: RegNode, most: dict[str, str]) -> _Entry:
 def _markdown(tops: dict[str, AddrmapNode]) -> str:
     """The page: what every map has, then each map's own; a section for a register with fields.
 
-    Registers in succession that have one format and meaning are one row.
+    Registers in succession that have one format and meaning are one row. Where maps have the same
+    register at different addresses, each map has a column.
     """
     regions, most = _regions(tops)
     lines = [_INTRODUCTION.replace("REGIONS", regions)]
@@ -818,25 +820,34 @@ def _markdown(tops: dict[str, AddrmapNode]) -> str:
     for whose, own in sorted(groups.items(), key=lambda group: -len(group[0])):
         names_of = " and ".join(TITLES[one] for one in whose)
         title = "Every controller" if whose == tuple(tops) else names_of
+        columns = [
+            [entries[one][entries[one].index(entry)].address for entry in own] for one in whose
+        ]
+        if all(column == columns[0] for column in columns):
+            columns = columns[:1]
         rows, sections, anchors = [], [], {}
+        listed = zip(own, *columns, strict=True)
         for (form, text, fields), group in itertools.groupby(
-            own, lambda entry: (entry.form, entry.text, entry.fields)
+            listed, lambda row: (row[0].form, row[0].text, row[0].fields)
         ):
-            alike = list(group)
+            alike, *places = zip(*group, strict=True)
             names = ", ".join(f"`{one.name}`" for one in alike)
-            address = " to ".join(
-                dict.fromkeys(f"0x{one.address:03x}" for one in (alike[0], alike[-1]))
-            )
+            addresses = [
+                " to ".join(dict.fromkeys(f"0x{at:03x}" for at in (column[0], column[-1])))
+                for column in places
+            ]
             if fields:
                 if fields not in anchors:
                     shown = names_of if title == names_of else ""
-                    heading = f"{shown} {alike[0].name}, {address}".strip()
+                    where = " and ".join(dict.fromkeys(addresses))
+                    heading = f"{shown} {alike[0].name}, {where}".strip()
                     anchors[fields] = re.sub(r"[^\w-]", "", heading.lower().replace(" ", "-"))
                     sections += [f"### {heading}", "", fields, ""]
                 names = f"[{names}](#{anchors[fields]})"
-            rows.append((address, names, form, text))
-        head = ("address", "register", "format", "meaning")
-        lines += [f"## {title}", "", tables.markdown(head, rows, "l"), "", *sections]
+            rows.append((*addresses, names, form, text))
+        head = ["address"] if len(columns) == 1 else [TITLES[one] for one in whose]
+        table = tables.markdown((*head, "register", "format", "meaning"), rows, "l")
+        lines += [f"## {title}", "", table, "", *sections]
     return "\n".join(lines).rstrip() + "\n"
 
 

@@ -421,12 +421,6 @@ def swings() -> list[float]:
     return [point["vph_pu"] for by in equal.values() for point in by["0.6"].values()]
 
 
-def at_low_speed(horizon: str, figure: str) -> list[float]:
-    """The paper's rule at 0.2 and 0.3 pu, each bound."""
-    points = reported("metrics")["deadlocks"]["points"][horizon]
-    return [by["largest"][figure] for speed in ("0.2", "0.3") for by in points[speed].values()]
-
-
 def weighted(horizon: str, speed: str, bound: str, figure: str = "deadlocks_pct") -> float:
     return reported("metrics")["deadlocks"]["points"][horizon][speed][bound]["weighted"][figure]
 
@@ -436,19 +430,6 @@ def every_point() -> Iterator[tuple[str, str, str]]:
     for kind, by_speed in reported("metrics")["deadlocks"]["points"].items():
         for speed, by_bound in by_speed.items():
             yield from ((kind, speed, bound) for bound in by_bound)
-
-
-def fewer_deadlocks(horizon: str) -> list[float]:
-    """What the weighted rule takes off at 0.6 and 1 pu, %: of the rules' starts, of the points'."""
-    high = reported("metrics")["deadlocks"]["high"]
-    mine, theirs = (high[name][horizon] for name in (deadlocks.RECOMMENDED, deadlocks.LARGEST))
-    points = reported("metrics")["deadlocks"]["points"][horizon]
-    sums = [
-        sum(by[rule]["deadlocks_pct"] for speed in ("0.6", "1.0") for by in points[speed].values())
-        for rule in ("weighted", "largest")
-    ]
-    ratios = (mine["deadlocks_pct"] / theirs["deadlocks_pct"], sums[0] / sums[1])
-    return [100 * (1 - ratio) for ratio in ratios]
 
 
 def at_high_speed(case: str, figure: str = "fsw_hz") -> list[float]:
@@ -641,29 +622,16 @@ SAID: dict[str, list[Said]] = {
                        == ("ideal", rule, 0.10))),
     ],
     "docs/settings.md": [
-        ("With SE at 0.2 pu speed {} % of the searches end in a deadlock at a bound of 0.06 pu, "
-         "{} % at 0.10 pu",
-         lambda: tuple(f"{weighted('SE', '0.2', b):.0f}" for b in ("0.06", "0.1"))),
         ("0.12 instead of 0.08 pu saves {} to {} % of the switchings",
          lambda: span([-one for one in at_high_speed("bound_vph = 0.12")], ".0f")),
-        ("At 0.2 and 0.3 pu speed {} to {} % of the searches of the 6 kV drive end in a deadlock "
-         "with SE, {} to {} % with SESE. v_n goes {} to {} pu beyond its bound",
-         lambda: (*span(at_low_speed("SE", "deadlocks_pct"), ".0f"),
-                  *span(at_low_speed("SESE", "deadlocks_pct"), ".0f"),
-                  *span([one for h in ("SE", "SESE") for one in at_low_speed(h, "excess_vn_pu")],
-                        ".2f"))),
         ("v_n has the largest excess in {} to {} % of the steps",
          lambda: span(in_steps("worst_vn_pct"), ".0f")),
-        ("only {} to {} % of the steps have such a candidate",
-         lambda: span(in_steps("vn_and_current_pct"), ".0f")),
         ("{} to {} % of the deadlocks are such ties",
          lambda: span(in_steps("tied_pct") + in_steps("tied_pct", low=False), ".0f")),
         ("(SE with a bound of 0.06 pu: {} and {} % of the searches at 0.2 and 0.3 pu speed)",
          lambda: tuple(f"{weighted('SE', s, '0.06'):.0f}" for s in ("0.2", "0.3"))),
         ("v_ph still goes up to {} pu beyond its bound",
          lambda: (f"{max(weighted(*at, 'excess_vph_pu') for at in every_point()):.3f}",)),
-        ("SE's deadlocks fall by {} to {} % and SESE's by {} to {} %",
-         lambda: (*span(fewer_deadlocks("SE"), ".0f"), *span(fewer_deadlocks("SESE"), ".0f"))),
         ("at most {} Spartan-3 slices", lambda: (most_of_the_rule(),)),
         ('Noise with the rule `"dead"` raises the switching frequency by {} to {} %',
          lambda: span(shipped("noise 1, dead") + shipped("noise 2, dead"), ".0f")),
@@ -684,9 +652,8 @@ SAID: dict[str, list[Said]] = {
          lambda: kept_within()),
         ("The flux observer alone begins a decision {} clocks later, with the filters {}",
          lambda: (clocks_of("state_observer", "flux"), clocks_of("state_observer", "filtered"))),
-        ("differs from the ideal controller's in {} % of the decisions with SE and {} % with SESE. "
-         "At the worst point it is {} % and {} %",
-         lambda: tuple(f"{share:.2f}" for share in differing("mismatch_pct", "worst_pct"))),
+        ("differs from the ideal controller's in {} % of the decisions with SE and {} % with SESE",
+         lambda: tuple(f"{share:.2f}" for share in differing("mismatch_pct"))),
         ("beyond its bound in {} to {} % of the steps",
          lambda: span(of_plants("capacitances x 0.9", "theta", "outside_pct"))),
         ("`mpdcc_core` takes {} slices more with `INWARDS` than without it, and `state_observer` "
