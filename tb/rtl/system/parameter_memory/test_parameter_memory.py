@@ -49,8 +49,8 @@ ENTITY = "parameter_memory"
 test_a_fault_is_seen = seen(
     ENTITY,
     bench,
-    ("(n < PARAMETER_BITS(i))", "(n <= PARAMETER_BITS(i))", "(read|copied)"),
-    ("(n < PARAMETER_BITS(i))", "(n + 1 < PARAMETER_BITS(i))", "(read|copied)"),
+    ("(n < BITS(i))", "(n <= BITS(i))", "(read|copied)"),
+    ("(n < BITS(i))", "(n + 1 < BITS(i))", "(read|copied)"),
     (
         "      mask          <= host_mask;",
         "      mask          <= (others => '1');",
@@ -77,6 +77,10 @@ test_a_fault_is_seen = seen(
     ("stores       <= written or clearing;", "stores       <= written;", "(read|c_word)"),
     ("if (rst = '1' or clearing = '1') then", "if (rst = '1') then", "(read|copied)"),
     ("        clearing <= '0';", "        null;", "(read|copied)"),
-    ("        next_place <= (others => '0');", "        null;", "(copied|c_place)"),
+    (
+        "        clearing   <= '1';\n        next_place <= (others => '0');",
+        "        clearing   <= '1';",
+        "(copied|c_place)",
+    ),
     ("read_done     <= reads;", "read_done     <= request;", "read_done"),
 )
