@@ -24,13 +24,16 @@ There `convert` prints both forms and restores the lost parts. It matches them b
 compares every arm of a case with its VHDL twin, and refuses what it cannot match. Versions between
 2.0 and 5 have not been tried and are treated like 2.0.
 
-Two more losses of GHDL 2.0.0 are in both forms, so that nothing restores them.
+Three more losses of GHDL 2.0.0 are in both forms, so that nothing restores them.
 
 * Constants of zeros. Where a constant's width is a multiple of 32 from 64 on, GHDL does not look at
   its topmost 32 bits when it asks whether all of it is zero, or all X. If only they are otherwise,
   the whole becomes zero, or X (GHDL issue 2011). An array of sixteen places of four bits is such a
   constant. `convert` therefore refuses every zero of such a width, those that are meant too, and so
   the contents of a memory. Of X it cannot tell: GHDL writes X where nothing is assigned.
+* Rows of constant tables. Where row and column of a table are both signals, GHDL puts them side by
+  side as the address. Rows that do not have a power of two of columns are then read at the wrong
+  place. `convert` refuses a table that is addressed so and does not have a power of two of places.
 * Assignments to parts. Where a process assigns a whole and then parts of it, the assignment to one
   part is gone, here and there one in a design of ten thousand lines. Which one, and whether any,
   depends on what is converted before. The cause is not known. `convert` therefore converts every
@@ -658,6 +661,20 @@ def check_zeros(verilog: str) -> None:
                 )
 
 
+def check_tables(verilog: str) -> None:
+    """Refuse a table with rows that GHDL 2.0 may read at the wrong place, see the module."""
+    for name, body in _MODULE.findall(verilog):
+        joined = set(re.findall(r"^ *assign (\w+) = \{[^;{}]*,[^;]*\};$", body, re.M))
+        for _, memory, last in _MEMORY.findall(body):
+            places = int(last) + 1
+            read = re.findall(rf"= {memory}\[(\w+)\];$", body, re.M)
+            if places & (places - 1) and joined.intersection(read):
+                raise NetlistError(
+                    f"{name}: a table of {places} places has rows and columns, which GHDL 2.0 "
+                    "reads at wrong places; give it a power of two of rows and of columns"
+                )
+
+
 def check_structure(verilog: Path, top: str) -> None:
     """Refuse a latch, a combinational loop, an undriven wire or a second driver."""
     with tempfile.NamedTemporaryFile(
@@ -716,6 +733,7 @@ def convert(
         text = _unpadded(text, top)
     if check and lossy:
         check_zeros(text)
+        check_tables(text)
     # The file names in GHDL's comments are of the machine that ran it: keep their last part only.
     text = re.sub(r"/\*#? (?:.*/)?(\S+) +\*/", r"/* \1 */", text)
     shown = " ".join(f"{k}={tools.generic_text(v)}" for k, v in generics.items())

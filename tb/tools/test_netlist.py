@@ -372,6 +372,36 @@ def test_zeros_that_lost_nothing_are_accepted():
         netlist.check_zeros(memory.format("".join(words[:3])))
 
 
+TABLE = """library ieee; use ieee.std_logic_1164.all; use ieee.numeric_std.all;
+entity fixed is
+  port (row : in unsigned(2 downto 0); column : in unsigned(1 downto 0);
+        y : out unsigned(7 downto 0));
+end entity;
+architecture rtl of fixed is
+  type table_t is array (0 to 7, 0 to {last}) of natural;
+  constant TABLE : table_t := ({rows});
+begin
+  y <= to_unsigned(TABLE(to_integer(row), {column}), 8);
+end architecture;
+"""
+
+
+@pytest.mark.parametrize(
+    ("columns", "column", "wrong"),
+    [(3, "to_integer(column)", True), (4, "to_integer(column)", False), (3, "2", False)],
+)
+def test_a_table_that_ghdl_reads_at_wrong_places_is_refused(tmp_path, columns, column, wrong):
+    rows = ", ".join(f"({', '.join(str(8 * i + j) for j in range(columns))})" for i in range(8))
+    path = tmp_path / "fixed.vhd"
+    path.write_text(TABLE.format(last=columns - 1, rows=rows, column=column))
+    if wrong and LOSSY:
+        with pytest.raises(netlist.NetlistError, match="table of 24 places has rows and columns"):
+            netlist.convert("fixed", {}, tmp_path / "fixed.v", files=[path])
+        assert not (tmp_path / "fixed.v").exists()
+    else:
+        netlist.convert("fixed", {}, tmp_path / "fixed.v", files=[path])
+
+
 def test_core_that_looks_at_its_inputs_late_is_found_out(tmp_path):
     path = tmp_path / "late.v"
     path.write_text(
