@@ -26,7 +26,7 @@ IN_PLACE = {
     "scripts/hdl/mpdcc_rows.py": 1,  # the same
     "scripts/hdl/netlist_check.py": 1,  # the same
     "scripts/hdl/recording.py": 1,  # the same
-    "scripts/hdl/simulator.py": 3,  # the same: job, log, progress
+    "scripts/hdl/simulator.py": 4,  # the same: job, log, progress, answers
     "scripts/measure/bench_server.py": 1,  # a stand-in below build/, the same every time
     "scripts/publish/stages.py": 2,  # a stage's own folder below build/, kept once it is whole
     "scripts/studies/coverage/rtl.py": 1,  # a folder of its own, which goes again
