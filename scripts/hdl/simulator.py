@@ -162,7 +162,8 @@ def simulate(
         if job.waves is not None and job.waves_path is not None:
             with tools.replacing(job.waves) as temporary:
                 shutil.copyfile(job.waves_path, temporary)
-        return load(job.result_path)  # type: ignore[no-any-return]
+        answer: Answer = load(job.result_path)
+        return answer
 
 
 def _wait(

@@ -126,9 +126,11 @@ def _only(path: str | os.PathLike[str], controller: str) -> Any:
 
 def load_mpdcc_drive(path: str | os.PathLike[str]) -> Drive:
     """Load an MPDCC drive, per unit; DriveFileError also for another controller."""
-    return _only(path, "mpdcc")  # type: ignore[no-any-return]
+    drive: Drive = _only(path, "mpdcc")
+    return drive
 
 
 def load_mptc_drive(path: str | os.PathLike[str]) -> MptcDrive:
     """Load an MPTC drive, SI; DriveFileError also for another controller."""
-    return _only(path, "mptc")  # type: ignore[no-any-return]
+    drive: MptcDrive = _only(path, "mptc")
+    return drive

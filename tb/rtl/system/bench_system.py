@@ -1080,10 +1080,11 @@ async def system(dut) -> None:
         await every_register(under_test)
     await atomic_commits(under_test, given["rounds"])
     await decisions_and_flags(under_test, given["decisions"])
+    if under_test.multilevel:
+        await filtered(under_test)
     if given["controller"] == "mpdcc":
         await estimated(under_test)
     if under_test.multilevel:
-        await filtered(under_test)
         await switched(under_test)
     await faults(under_test)
     await unmeasured(under_test)

@@ -105,7 +105,7 @@ BEFORE_THE_CORE = {
     "kept while off": ("forget_filters <= not filtering or", "forget_filters <=", "filtered"),
     "wrong phase": ("=> watched_b", "=> watched_c", "flux port"),
     "not filtered": ("ready         <= filters_valid", "ready         <= may_begin", "filtered"),
-    "another interval": ("earlier_a when delayed", "until_a when delayed", "observed flux|theta"),
+    "another interval": ("earlier_a when delayed", "until_a when delayed", "observed flux"),
     "untold": ("observer_flag or filters_flag", "observer_flag", "told"),
     "another flux at the port": (
         "to_hardware.result.rotor_flux.beta", "to_hardware.result.rotor_flux.alpha", "flux port"
