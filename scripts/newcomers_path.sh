@@ -4,7 +4,7 @@
 #   scripts/newcomers_path.sh          in a clone
 #   scripts/newcomers_path.sh WHEEL    with the wheel, on a bare Debian, as root
 #
-# The steps: a clone, `make run`, `make test`, a drive file of one's own, a run of it that is recorded as a
+# The steps: a clone, `make run`, a drive file of one's own, a run of it that is recorded as a
 # trace, the trace through the RTL, and a virtual board that the host program controls with that
 # drive. With a wheel: what Debian has to bring, the wheel and FMPy by pip, the RTL of a drive as an FMU, and the first
 # program of docs/fmu.md, whose end is a picture. On a bare machine:
@@ -48,7 +48,6 @@ on_a_virtual_board() {
 in_a_clone() {
   step 'a clone' git clone --quiet . "$mine/clone"
   step '`make run`' make --no-print-directory run
-  step '`make test`' make --no-print-directory test
   step 'a drive file' "$python" -m scripts new-drive mpdcc "$mine/drive.toml"
   step 'that drive, 400 steps, recorded' make --no-print-directory run \
     ARGS="--drive $mine/drive.toml --steps 400 --trace $mine/trace.csv"

@@ -561,11 +561,13 @@ from directmpc.host.board import Board
 with Board(sys.argv[1]) as board:
     board.load(sys.argv[2])
     board.start()
-    applied = 0
+    applied = n = 0
     while True:
-        applied = board.step(MptcState(1 + 0j, 0.9 + 0.1j, 100.0, 5.0, 0.9, applied, 540.0)).apply
+        n ^= 1
+        current = 1 + 0.01 * n + 0j
+        applied = board.step(MptcState(current, 0.9 + 0.1j, 100.0, 5.0, 0.9, applied, 540.0)).apply
 """
-"""A host of one's own."""
+"""A host of one's own. Its currents change from step to step, since equal ones are frozen."""
 
 
 def running_host(port: Path, log: Path, *command: str) -> subprocess.Popen[bytes]:

@@ -541,13 +541,8 @@ def first_steps(*names: str) -> tuple[str, ...]:
 
 
 SAID: dict[str, list[Said]] = {
-    "docs/start-ci.md": [
-        ("`make test` ({} minutes on two cores)",
-         lambda: (math.ceil(int(*first_steps("`make test`")) / 60),)),
-    ],
     "README.md": [
-        ("the first took {} s, installation included, and the second {} s",
-         lambda: first_steps("`make run`", "`make test`")),
+        ("`make run` took {} s, installation included", lambda: first_steps("`make run`")),
         ("All {} decisions equal the bit-true model's", lambda: (run_steps(),)),
         ("for {} fundamental periods", lambda: (("none", "one", "two")[rtl_loop.PERIODS],)),
         ("sampled inside the periods it is {} %",

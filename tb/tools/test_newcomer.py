@@ -93,7 +93,7 @@ def test_the_script_prints_what_is_read(monkeypatch: pytest.MonkeyPatch, tmp_pat
     known = json.loads(newcomer.TIMES.read_text("utf-8"))
     stored = [name for way in newcomer.WAYS if way in known for name in known[way]["seconds"]]
     assert names[: len(stored)] == stored
-    assert len(names) == 11
+    assert len(names) == 10
     step = script[script.index("step() {") : script.index("on_a_virtual_board() {")]
     done = script[script.index("printf 'newcomer: all steps") :]
     ran = subprocess.run(

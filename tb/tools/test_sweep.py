@@ -57,7 +57,7 @@ def test_a_point_is_a_design(point: Point, tmp_path) -> None:
         ["--elab-run", *options, "mpdcc_core", "--no-run"],
     ):
         ghdl = [*tools.tool("ghdl"), *command]
-        done = subprocess.run(ghdl, capture_output=True, text=True, check=False)
+        done = subprocess.run(ghdl, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout + done.stderr) == (0, "")
 
 
