@@ -131,6 +131,11 @@ class GuardTable(Section):
 class AnyDrive(Section):
     """What the drives of all controllers can do."""
 
+    @classmethod
+    def ranges(cls, data: Any, table: str, key: str, low: float, high: float) -> str:
+        """What a message adds to a range: the same in other units."""
+        return ""
+
     def changed(self, **tables: Mapping[str, Any]) -> Self:
         """Make the same drive with other values, checked as a drive file is.
 
@@ -165,8 +170,8 @@ def described(value: Any) -> str:
         return "true" if value else "false"
     if isinstance(value, dict):
         return "a table"
-    if isinstance(value, str):
-        text = f'"{value}"'
+    if isinstance(value, str) or hasattr(value, "text"):
+        text = f'"{getattr(value, "text", value)}"'
     else:
         try:
             text = repr(value)
@@ -193,7 +198,7 @@ def allowed(table: type, key: str) -> str:
     return f"a table [{key}] with the keys {', '.join(keys)}"
 
 
-def _explain(model: type[BaseModel], error: Any) -> str:
+def _explain(model: type[AnyDrive], error: Any, data: Any) -> str:
     """Turn one pydantic error into "key: what is wrong, what is allowed"."""
     location: list[str] = []
     table: Any = model
@@ -218,6 +223,14 @@ def _explain(model: type[BaseModel], error: Any) -> str:
     if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"{dotted}: unknown key; {name} may hold {', '.join(keys_of(table))}"
     words = allowed(table, location[-1])
+    ends = {
+        n: getattr(m, n)
+        for m in keys_of(table)[location[-1]].metadata
+        for n in ("ge", "le")
+        if hasattr(m, n)
+    }
+    if len(location) > 1 and len(ends) == 2:
+        words += model.ranges(data, *location[-2:], *ends.values())
     if error["type"] == "missing":
         return f"{dotted}: missing; it must be {words}"
     return f"{dotted}: got {described(error['input'])}; it must be {words}"
@@ -231,5 +244,5 @@ def validated(model: type[DriveModel], data: Any) -> DriveModel:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        problems = "; ".join(_explain(model, e) for e in error.errors(include_url=False))
+        problems = "; ".join(_explain(model, e, data) for e in error.errors(include_url=False))
         raise DriveError(problems) from None

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from directmpc.api.drive_file import load_drive, load_mpdcc_drive, load_mptc_dri
 from directmpc.drive_tables import DriveError, DriveFileError, keys_of
 from directmpc.loads.induction import InductionMachine
 from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.units import per_unit
 from directmpc.mptc.drive import MptcDrive
 from scripts.commands import drive_info
 from tb.helpers.drives import plain_text
@@ -320,7 +323,14 @@ def test_a_file_may_have_values_with_units(
         ("rs = 0.0108", 'rs = "57.8"', "machine.rs: got .* ohm, with M, k, m or u before it"),
         ("rs = 0.0108", 'rs = "1.2.3 ohm"', "machine.rs"),
         ("voltage = 2694.44", 'voltage = "2.7 kHz"', "base.voltage: got .* V, with"),
-        ("vdc = 1.930", 'vdc = "52 kV"', "inverter.vdc: got 19.29.*; .* 1.5 to 2.5 pu"),
+        ("vdc = 1.930", 'vdc = "52 kV"', 'inverter.vdc: got "52 kV"; .* 1.5 to 2.5 pu, or from "4'),
+        ("vdc = 1.930", "vdc = 5200", '5200; .* 2.5 pu, or from "4.042 kV" to "6.736 kV"$'),
+        (
+            "link_high = 2.4125",
+            'link_high = "9 MV"',
+            'guard.link_high: got "9 MV"; .* to "11.03 kV"$',
+        ),
+        ("rs = 0.0108", "rs = 57.8", 'machine.rs: got 57.8; .* "5.352 mohm" to "1.07 ohm"$'),
     ],
 )
 def test_a_unit_that_is_wrong(value: str, other: str, said: str, tmp_path: Path) -> None:
@@ -328,3 +338,21 @@ def test_a_unit_that_is_wrong(value: str, other: str, said: str, tmp_path: Path)
     path.write_text(shipped_drives()["npc3l_3kv3"].replace(value, other), encoding="utf-8")
     with pytest.raises(DriveFileError, match=said):
         load_drive(path)
+
+
+@pytest.mark.parametrize("name", ["anpc5l_6kv", "npc3l_3kv3"])
+def test_the_ends_of_a_range_with_units_are_inside_it(name: str) -> None:
+    drive, ends = load_drive(name), 0
+    tables = tomllib.loads(shipped_drives()[name])
+    for table in ("machine", "inverter", "guard", "control"):
+        for key in keys_of(type(getattr(drive, table))):
+            with pytest.raises(DriveError) as error:
+                drive.changed(**{table: {key: 1e300}})
+            said = re.search(
+                rf"{table}.{key}: got .* from (.+) to (.+) pu, or (.*)", str(error.value)
+            )
+            for end in re.findall('"(.*?)"', said[3]) if said else ():
+                one = per_unit(tables | {table: {key: end}})[table][key]
+                assert float(said[1]) <= one <= float(said[2]), f"{key} = {end}"
+                ends += 1
+    assert ends >= 20

@@ -28,7 +28,7 @@ from directmpc.drive_tables import (
 from directmpc.loads import KINDS
 from directmpc.mpdcc import tables
 from directmpc.mpdcc.formats import FLUX
-from directmpc.mpdcc.units import per_unit
+from directmpc.mpdcc.units import per_unit, ranges
 
 TS_PU_MIN = 0.006
 TS_PU_MAX = 0.063
@@ -131,6 +131,11 @@ class PerUnitDrive(AnyDrive):
     @classmethod
     def _from_units(cls, tables: Any) -> Any:
         return per_unit(tables) if isinstance(tables, Mapping) else tables
+
+    @classmethod
+    def ranges(cls, data: Any, table: str, key: str, low: float, high: float) -> str:
+        """The range in the unit that the key may have, where the base is one."""
+        return ranges(data, table, key, low, high)
 
     @model_validator(mode="after")
     def _check_sampling(self) -> Self:
