@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
+import math
 import sys
+import time
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +18,7 @@ from rich.table import Table
 
 from directmpc.api.controllers import ENGINES
 from directmpc.api.data_sheet import doubts
-from directmpc.api.drive_file import load_core_drive, load_drive
+from directmpc.api.drive_file import load_drive
 from directmpc.api.dynamics import SCENARIOS, scenario
 from directmpc.api.kinds import kind_of
 from directmpc.api.result import SimulationResult
@@ -29,15 +31,19 @@ from directmpc.api.simulation import (
 )
 from directmpc.drive_tables import allowed
 from directmpc.host.console import terminable
+from directmpc.kbest import bit_true as kbest_bit_true
+from directmpc.kbest.coefficients import only_built
+from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import DriveErrors
 from directmpc.mpdcc.trace import write_decisions, write_trace
-from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, served
+from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, count_differences, served
 from directmpc.mptc import trace as mptc_trace
 from directmpc.mptc.closed_loop import RPM
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.errors import MptcErrors, check_errors
 from directmpc.output_files import check_output
+from scripts.hdl import native as natives
 from scripts.hdl.mpdcc_simulation import EXPLORERS
 from scripts.hdl.waves import view
 from scripts.shared.command import InputError, UsageError, command, option
@@ -54,8 +60,11 @@ OUTPUTS = {
 }
 """Arguments that name a file to write, and what it is; `view` follows from `waves`."""
 
-MPDCC_ONLY = ("explorers", "variant", "flux_observer")
-"""Arguments that a two-level drive has no use for."""
+OF_MPDCC = {
+    "kbest": ("explorers", "variant", "waves"),
+    "mptc": ("explorers", "variant", "flux_observer"),
+}
+"""Arguments that drives of other controllers have no use for."""
 
 SCENARIO_ONLY = ("engine", "inertia")
 NO_SCENARIO = ("steps", "explorers", "waves")
@@ -182,6 +191,44 @@ def _mptc(given: argparse.Namespace, drive: MptcDrive, new: Outputs) -> _Result:
     return _Result((said, mptc_loop.outcome(run)), len(run), run.differing)
 
 
+def _kbest(given: argparse.Namespace, drive: KbestDrive, new: Outputs) -> _Result:
+    """Run a drive of K-best on the native library of its system and write its files."""
+    only_built(drive)
+    natives.write(["kbest_system"])
+    period = 2 * math.pi / abs(given.speed * drive.ts_pu)
+    steps = given.steps or math.ceil(rtl_loop.PERIODS * period)
+    began = time.perf_counter()
+    result = simulate(
+        drive, "rtl", steps=steps, speed=given.speed, settle=0, errors=given.errors,
+        plant_factors=given.plant, flux_observer=bool(given.flux_observer),
+    )  # fmt: skip
+    seconds = time.perf_counter() - began
+    differing = count_differences(result.decisions, kbest_bit_true.run(drive, result.trace))
+    pyplot()
+    save_png(result.plot(), new["out"], true_colour=True)
+    if "trace" in new:
+        result.write_trace(new["trace"])
+    if "decisions" in new:
+        write_decisions(new["decisions"], result.decisions)
+    said = (
+        f"{given.drive.name}: {steps} steps of {1e6 * drive.control.ts:g} us at "
+        f"{given.speed * drive.base.frequency:g} Hz and rated current; RTL simulated in "
+        f"{seconds:.0f} s"
+    )
+    table = Table(show_header=False)
+    table.add_row("decisions", f"{steps} checked against the bit-true model, {differing} differ")
+    if steps >= period:
+        table.add_row("current THD", f"{100 * result.thd():.2f} %")
+    often = f"{result.switching_frequency:.0f} Hz, mean of all switches"
+    table.add_row("switching frequency", often)
+    table.add_row("clocks of a decision", f"{result.decisions.cycles.max()} at most")
+    return _Result((said, table), steps, differing)
+
+
+_RUN = {"mpdcc": _mpdcc, "kbest": _kbest, "mptc": _mptc}
+"""Who runs a drive without a scenario, by its controller."""
+
+
 def _turning(given: argparse.Namespace, drive: Any, new: Outputs) -> _Result:
     """Run a scenario with a speed controller and write its files."""
     kind = kind_of(drive)
@@ -277,14 +324,18 @@ def _check_mpdcc(given: argparse.Namespace, drive: Drive) -> None:
     given.plant = _factors(given.plant, factors_of(drive))
 
 
-def _check_mptc(given: argparse.Namespace, drive: MptcDrive) -> None:
-    """Refuse what a two-level run cannot have."""
-    for name in MPDCC_ONLY:
+def _check_other(given: argparse.Namespace, drive: Any) -> None:
+    """Refuse what runs of MPDCC alone have."""
+    for name in OF_MPDCC.get(drive.controller, ()):
         if getattr(given, name) is not None:
             option = name.replace("_", "-")
             raise UsageError(
-                f"argument --{option}: it is for MPDCC; {given.drive} is an mptc drive"
+                f"argument --{option}: it is for MPDCC; {given.drive} is for {drive.controller}"
             )
+
+
+def _check_mptc(given: argparse.Namespace, drive: MptcDrive) -> None:
+    """Refuse what a two-level run cannot have."""
     try:
         mptc_loop.Point.of(drive, given.speed)
     except ValueError as error:
@@ -308,7 +359,7 @@ def _check_mptc(given: argparse.Namespace, drive: MptcDrive) -> None:
 )  # fmt: skip
 @option(
     "--speed", type=float,
-    help="MPDCC: stator frequency, per unit, 1 without; MPTC: mechanical speed, r/min",
+    help="stator frequency, per unit, 1 without; MPTC: mechanical speed, r/min",
 )  # fmt: skip
 @option(
     "--steps", type=int,
@@ -333,8 +384,8 @@ def _check_mptc(given: argparse.Namespace, drive: MptcDrive) -> None:
     "--flux-observer",
     action="store_true",
     default=None,
-    help="MPDCC: the controller sees the rotor flux of the observer's bit-true model, not the "
-    "plant's",
+    help="MPDCC, K-best: the controller sees the rotor flux of the observer's bit-true model, not "
+    "the plant's",
 )
 @option(
     "--scenario", choices=SCENARIOS,
@@ -363,8 +414,9 @@ def cli(given: argparse.Namespace) -> int | None:
     if given.steps is not None and given.steps < 1:
         raise UsageError(f"argument --steps: got {given.steps}; at least 1 is needed")
     console = Console(width=None if sys.stdout.isatty() else 110)
-    drive: Any = (load_core_drive if given.scenario is None else load_drive)(given.drive)
+    drive: Any = load_drive(given.drive)
     _check_scenario(given, drive)
+    _check_other(given, drive)
     if drive.controller == "mptc":
         _check_mptc(given, drive)
     else:
@@ -380,10 +432,8 @@ def cli(given: argparse.Namespace) -> int | None:
         try:
             if given.scenario is not None:
                 done = _turning(given, drive, new)
-            elif drive.controller == "mpdcc":
-                done = _mpdcc(given, drive, new)
             else:
-                done = _mptc(given, drive, new)
+                done = _RUN[drive.controller](given, drive, new)
         except ValueError as error:  # names the key, but does not know the file
             raise InputError(f"{given.drive}: {error}") from error
     for part in done.report:

@@ -874,7 +874,7 @@ def _files() -> dict[Path, str]:
     for controller in IN_MEMORY:
         found[VHDL / f"{controller}_parameter_places.vhd"] = _parameter_places(controller)
     found[ROOT / "docs" / "registers.md"] = _markdown(tops)
-    found[ROOT / "model" / "directmpc" / "host" / "register_map.json"] = _table(tops)
+    found[ROOT / "model" / "directmpc" / "register_map.json"] = _table(tops)
     return found
 
 

@@ -32,6 +32,7 @@ DESIGNS: dict[str, tuple[str, Generics]] = {
     "mpdcc_system": ("mpdcc_system", {}),
     "mptc_system": ("mptc_system", {}),
     "mptc_family_system": ("mptc_system", {"FAMILY": True}),
+    "kbest_system": ("kbest_system", {}),
     "mpdcc_board": ("board_top", generics("mpdcc", recorder=RECORDER)),
     "mptc_board": (
         "board_top",

@@ -11,21 +11,24 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from directmpc.api.controllers import RtlController
 from directmpc.api.drive_file import load_drive
 from directmpc.csv_table import RowError
 from directmpc.host.console import progress_bar
 from directmpc.kbest import bit_true as kbest_bit_true
 from directmpc.kbest import ideal as kbest_ideal
+from directmpc.kbest.coefficients import only_built
 from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import ideal, trace
 from directmpc.mpdcc.bit_true import common
 from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.formats import MEASUREMENTS
 from directmpc.mpdcc.trace import Decisions, IntArray, MpdccTrace
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, decisions_of, served
 from directmpc.mptc import trace as mptc_trace
@@ -101,18 +104,37 @@ def _replay_mpdcc(drive: Drive, request: Request) -> None:
 
 def _replay_kbest(drive: KbestDrive, request: Request) -> None:
     """Read a trace of K-best, decide row after row, and write the decisions."""
-    engines = {"ideal": kbest_ideal, "model": kbest_bit_true}
+    engines = {"ideal": kbest_ideal.run, "model": kbest_bit_true.run, "rtl": _kbest_rtl}
     if request.engine not in engines:
+        names = ", ".join(f'"{name}"' for name in engines)
         raise InputError(
-            f'{request.drive}: ENGINE: got "{request.engine}"; a drive of kbest has "ideal" and '
-            '"model"'
+            f'{request.drive}: ENGINE: got "{request.engine}"; a drive of kbest has {names}'
         )
     _ignored(request, "kbest")
     rows = trace.read_trace(request.trace, drive)
     with _watched(request, "replay of K-best", len(rows)):
-        decisions = engines[request.engine].run(drive, rows)
+        decisions = engines[request.engine](drive, rows)
     trace.write_decisions(request.out, decisions)
     _say_saturated(request, decisions.saturated)
+
+
+def _kbest_rtl(drive: KbestDrive, rows: MpdccTrace) -> Decisions:
+    """Decisions of the native library on every row."""
+    only_built(drive)
+    natives.write(["kbest_system"])
+    design = RtlController(drive).design
+    with np.errstate(over="ignore"):
+        words, clipped = common.encode(rows)
+    ports = (*MEASUREMENTS, "s_prev_a", "s_prev_b", "s_prev_c")
+    shown = ("s_a", "s_b", "s_c", "held", "saturated")
+    out = np.zeros((len(rows), 7), np.int64)
+    cycles = np.zeros(len(rows), np.int64)
+    for n, row in enumerate(np.hstack([words, rows.s_prev]).tolist()):
+        design.give(dict(zip(ports, row, strict=True)))
+        answer, cycles[n] = design.decide()
+        out[n, [0, 1, 2, 3, 6]] = [answer[name] for name in shown]
+    out[:, 6] |= clipped
+    return replace(Decisions.of_words(out), cycles=cycles)
 
 
 def _ignored(request: Request, controller: str) -> None:

@@ -333,13 +333,15 @@ def test_engines_that_there_are_not_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     drive = shipped()
-    with pytest.raises(ValueError, match='engine: got "rtl"; a drive of kbest has "ideal" and "m'):
-        simulate(drive, "rtl", steps=4)
+    with pytest.raises(ValueError, match=r"control.beam: got 16 with 12 stages; the native libra"):
+        simulate(shipped(beam=16), "rtl", steps=4)
     trace = tmp_path / "trace.csv"
     simulate(drive, steps=4).write_trace(trace)
     given = ["--drive", str(ROOT / "drives" / f"{NAMES[0]}.toml"), "--trace", str(trace)]
-    assert replay.cli.main([*given, "--out", str(tmp_path / "out.csv")]) == 2
-    assert 'ENGINE: got "rtl"; a drive of kbest has "ideal" and "model"' in capsys.readouterr().err
+    given += ["--out", str(tmp_path / "out.csv"), "--engine", "ghdl"]
+    assert replay.cli.main(given) == 2
+    said = 'ENGINE: got "ghdl"; a drive of kbest has "ideal", "model", "rtl"'
+    assert said in capsys.readouterr().err
 
 
 def test_a_margin_beyond_the_bounds_is_refused() -> None:

@@ -86,7 +86,7 @@ def test_the_wheel_holds_the_library_and_nothing_else(wheel: Path) -> None:
         for path in (ROOT / "model" / "directmpc").rglob("*.py")
     } | {f"directmpc/drives/{name}.toml" for name in shipped_drives()}
     here |= {f"directmpc/converters/{name}.toml" for name in converter.shipped()}
-    here |= {"directmpc/py.typed", "directmpc/host/register_map.json"}
+    here |= {"directmpc/py.typed", "directmpc/register_map.json"}
     native = ROOT / "model" / "directmpc" / "native"
     here |= {f"directmpc/native/{p.name}" for p in native.iterdir() if p.suffix in (".cpp", ".h")}
     static = ROOT / "model" / "directmpc" / "scope" / "static"

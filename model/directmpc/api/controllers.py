@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from directmpc.api.kinds import ENGINES, Kind, kind_of
+from directmpc.api.kinds import ENGINES, kind_of
 from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.leakage import LeakageEstimate
@@ -21,15 +21,6 @@ def check_engine(engine: Any, variant: Any) -> None:
         if not isinstance(value, str) or value not in known:
             allowed = " or ".join(f'"{one}"' for one in known)
             raise ValueError(f"{name}: got {value!r:.40}; it must be {allowed}")
-
-
-def served_by(drive: Drive | KbestDrive | MptcDrive, engine: str) -> Kind:
-    """The kind of a drive; TypeError if it is none, ValueError if it has no such engine."""
-    kind = kind_of(drive)
-    if engine not in kind.engines:
-        allowed = " and ".join(f'"{one}"' for one in kind.engines)
-        raise ValueError(f'engine: got "{engine}"; a drive of {drive.controller} has {allowed}')
-    return kind
 
 
 def state_of(drive: Drive | KbestDrive | MptcDrive, state: State | Mapping[str, Any]) -> State:
@@ -198,13 +189,13 @@ class RtlController:
         design: Any = None,
     ) -> None:
         check_engine("rtl", variant)
-        self.drive, self._kind = drive, served_by(drive, "rtl")
+        self.drive, self._kind = drive, kind_of(drive)
         self.cycles: list[int] = []
         self.words: list[int] = []
         parameters, self._given = self._kind.core(drive, variant)
         self._places, self._encode = list(parameters), self._kind.encoder(drive)
         self.design = design or Design(self._kind.library(drive, variant))
-        self.design.give(parameters)
+        self._kind.set_up(self.design, parameters)
 
     def decide(self, state: State | Mapping[str, Any]) -> Decision:
         """Decide on one step.
@@ -279,7 +270,7 @@ def compiled_controller(
 
     ValueError if there is no such engine, or the model cannot represent the drive.
     """
-    return served_by(drive, engine).compiled(drive, engine, variant)
+    return kind_of(drive).compiled(drive, engine, variant)
 
 
 def make_controller(

@@ -17,6 +17,7 @@ from directmpc.api.dynamics import Course, FieldOrientation, scenario_of
 from directmpc.fixed_point import Format
 from directmpc.kbest import bit_true as kbest_bit_true
 from directmpc.kbest import ideal as kbest_ideal
+from directmpc.kbest.coefficients import only_built, registers
 from directmpc.mpdcc import closed_loop as mpdcc_loop
 from directmpc.mpdcc import errors as mpdcc_errors
 from directmpc.mpdcc import ideal as mpdcc_ideal
@@ -42,6 +43,8 @@ from directmpc.mptc.formats import measurement_formats
 from directmpc.mptc.ideal_sequences import TOO_LARGE
 from directmpc.mptc.plant import PlantParameters, plant_parameters
 from directmpc.mptc.sequence import TIME_STEPS, whole
+from directmpc.native import NativeError
+from directmpc.register_map import registers_of
 from directmpc.states import (
     Controller,
     Decision,
@@ -93,8 +96,6 @@ class _Kind(Protocol):
 
     def formats(self, drive: Any) -> Mapping[str, Format]:
         """Formats of the core's measurement ports by name."""
-
-    engines: tuple[str, ...]  # Of its controller, of `ENGINES`
 
     def ts(self, drive: Any) -> float:
         """Control period in the unit of the drive file's frequencies."""
@@ -163,6 +164,12 @@ class _Kind(Protocol):
 
     def core(self, drive: Any, variant: str) -> tuple[dict[str, int], Any]:
         """Words of the core's parameter ports, and registers where they are scaled."""
+
+    def set_up(self, design: Any, parameters: dict[str, int]) -> None:
+        """Give a native library the words of `core`."""
+
+    def remembers(self, drive: Any) -> bool:
+        """Whether a decision depends on those before: by a plan, or by a running sequence."""
 
     def encoder(self, drive: Any) -> Encoder:
         """What makes the core's input of a state."""
@@ -284,8 +291,6 @@ class _FiveLevelKind:
         """As of `Kind`."""
         return FieldOrientation(drive, course, steps)
 
-    engines: tuple[str, ...] = ENGINES
-
     def compiled(self, drive: Drive, engine: str, variant: str) -> tuple[Any, Any]:
         """As of `Kind`."""
         if engine == "ideal":
@@ -331,6 +336,14 @@ class _FiveLevelKind:
         given = VARIANTS[variant].registers(drive)
         return given.ports(), given.array()
 
+    def set_up(self, design: Any, parameters: dict[str, int]) -> None:
+        """They are ports."""
+        design.give(parameters)
+
+    def remembers(self, drive: PerUnitDrive) -> bool:
+        """As of `Kind`."""
+        return False
+
     def encoder(self, drive: PerUnitDrive) -> Encoder:
         """As of `Kind`."""
 
@@ -345,17 +358,21 @@ class _FiveLevelKind:
         return encode
 
     def decision(self, drive: PerUnitDrive, out: dict[str, int], saturated: bool) -> MpdccDecision:
-        """As of `Kind`."""
-        apply = (out["s_a"], out["s_b"], out["s_c"])
-        return MpdccDecision(
-            apply, bool(out["held"]), bool(out["deadlock"]), out["length"], saturated
-        )
+        """As of `Kind`; K-best has neither deadlock nor length."""
+        apply, deadlock = (out["s_a"], out["s_b"], out["s_c"]), bool(out.get("deadlock"))
+        return MpdccDecision(apply, bool(out["held"]), deadlock, out.get("length", 0), saturated)
+
+
+#: Clocks after which a commit of a system is in force.
+_IN_FORCE = 100
 
 
 class _KbestKind(_FiveLevelKind):
-    """Drives of K-best; its controllers keep a plan and compensate a delay by themselves."""
+    """Drives of K-best; its controllers keep a plan and compensate a delay by themselves.
 
-    engines = ("ideal", "model")
+    The native library is the system: it keeps the plan.
+    """
+
     foretold = False
     flags = ("held", "saturated", "key")
 
@@ -363,6 +380,30 @@ class _KbestKind(_FiveLevelKind):
         """As of `Kind`."""
         chosen = kbest_ideal if engine == "ideal" else kbest_bit_true
         return chosen.decide, chosen.parameters_of(drive)
+
+    def library(self, drive: Any, variant: str) -> str:
+        """As of `Kind`."""
+        only_built(drive)
+        return "kbest_system"
+
+    def core(self, drive: Any, variant: str) -> tuple[dict[str, int], Any]:
+        """As of `Kind`."""
+        return registers(drive).ports(), None
+
+    def set_up(self, design: Any, parameters: dict[str, int]) -> None:
+        """They are registers; the system goes by the positions at its ports, and has no plan."""
+        design.clocks(_IN_FORCE)  # the reset's
+        places = registers_of("kbest")
+        bits = (1 << places["system.command"][1][name][0] for name in ("commit", "reset_observer"))
+        writes = {f"parameters.{name}": word & 0xFFFF_FFFF for name, word in parameters.items()}
+        for name, word in (writes | {"system.control": 0, "system.command": sum(bits)}).items():
+            if not design.write(places[name][0], word):
+                raise NativeError(f"{name}: not written")
+        design.clocks(_IN_FORCE)
+
+    def remembers(self, drive: Any) -> bool:
+        """By the plan."""
+        return True
 
     def shown(self, drive: Any, parameters: Any, state: MpdccState) -> MpdccState:
         """As of `Kind`."""
@@ -475,8 +516,6 @@ class _TwoLevelKind:
         shaft = plant_parameters(real, course.inertia, friction=course.friction)
         return scenario_of(drive, course, steps), shaft
 
-    engines: tuple[str, ...] = ENGINES
-
     def compiled(self, drive: MptcDrive, engine: str, variant: str) -> tuple[Any, Any]:
         """As of `Kind`."""
         if engine == "ideal" and drive.control.sequences:
@@ -519,6 +558,12 @@ class _TwoLevelKind:
             _, method, rule, *_ = bit_true_sequences.parameters(drive)
             parameters |= {"family_method": method + 1, "duty_rule": rule}
         return parameters, None
+
+    set_up = _FiveLevelKind.set_up
+
+    def remembers(self, drive: MptcDrive) -> bool:
+        """Where it applies sequences."""
+        return drive.control.sequences
 
     def encoder(self, drive: MptcDrive) -> Encoder:
         """As of `Kind`."""

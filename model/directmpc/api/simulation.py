@@ -21,7 +21,6 @@ from directmpc.api.controllers import (
     check_engine,
     compiled_controller,
     make_controller,
-    served_by,
 )
 from directmpc.api.dynamics import Course, FieldOrientation
 from directmpc.api.kinds import KINDS, Kind, kind_of
@@ -237,7 +236,6 @@ def simulate(
     kind = kind_of(drive)
     if isinstance(controller, str):
         check_engine(controller, variant)
-        served_by(drive, controller)
     elif isinstance(controller, type) or not isinstance(controller, Controller):
         raise TypeError(
             f"controller: got {_named(controller)}; it must be "

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, Protocol
 
 from directmpc.api.kinds import kind_of
-from directmpc.host.register_map import registers_of
 from directmpc.mpdcc.drive import Drive
 from directmpc.mptc.drive import MptcDrive
+from directmpc.register_map import registers_of
 
 #: Operations: write and read back, write alone, read until the word's bits are 0 (as 3 does).
 CHECKED, WRITE, WAIT = range(3)

@@ -27,7 +27,6 @@ from directmpc.api.drive_file import AnyDrive, load_drive
 from directmpc.api.kinds import kind_of
 from directmpc.drive_tables import keys_of
 from directmpc.host.console import OneParagraphParser, reported
-from directmpc.host.register_map import registers_of
 from directmpc.kbest import coefficients as kbest_coefficients
 from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import coefficients
@@ -38,6 +37,7 @@ from directmpc.mptc import observer as mptc_observer
 from directmpc.mptc import speed_observer as mptc_speed_observer
 from directmpc.mptc import vector_sequencer
 from directmpc.mptc.drive import DUTY_RULES, SEQUENCE_METHODS, MptcDrive, MptcGuard
+from directmpc.register_map import registers_of
 
 #: Clock of the core on every board that the project builds for, Hz.
 CORE_CLOCK = 25e6
@@ -85,6 +85,8 @@ class RegisterValues:
     saturated: list[str] = field(default_factory=list)
     # One sentence per key that the drive file lacks, and without which no gate can come on.
     missing: list[str] = field(default_factory=list)
+    # What the core has to be built for: fields of the register result.search.
+    search: dict[str, int] = field(default_factory=dict)
 
     def nanoseconds(self, name: str) -> float | None:
         """Time in ns that a register of the gate guard holds; None where it holds none."""
@@ -286,7 +288,8 @@ def values(
     words |= {f"parameters.{name}": value for name, value in parameters.items()}
     addresses = registers_of(drive.controller)
     words = dict(sorted(words.items(), key=lambda word: addresses[word[0]][0]))
-    return RegisterValues(drive.controller, words, clock, saturated, drive.missing())
+    search = getattr(drive, "search", {})
+    return RegisterValues(drive.controller, words, clock, saturated, drive.missing(), search)
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,21 @@ class Registers:
         return np.array([*self.values.values(), self.beam, self.stages], dtype=np.int64)
 
 
+#: What the native libraries are built for.
+BUILT = {"beam": 8, "stages": 12}
+
+
+def only_built(drive: KbestDrive) -> None:
+    """Refuse a drive of another converter or search than `BUILT`: ValueError with the key."""
+    only_default(drive)
+    if drive.search != BUILT:
+        beam, stages = drive.search.values()
+        raise ValueError(
+            f"control.beam: got {beam} with {stages} stages; the native library has "
+            f"{BUILT['beam']} with {BUILT['stages']}, and the engines ideal and model have any"
+        )
+
+
 def registers(drive: KbestDrive) -> Registers:
     """Turn a drive into the words of the core; ValueError names the key that does not fit."""
     only_default(drive)
@@ -92,7 +107,7 @@ def registers(drive: KbestDrive) -> Registers:
         "short_stages": c.short_stages,
         "compensate": int(c.delay_compensation),
     }
-    return Registers(values, c.beam, c.short_stages + c.long_stages)
+    return Registers(values, **drive.search)
 
 
 _PER_CURRENT = 2.0 * f.VOLTAGE_SCALE / f.VECTOR_SCALE * 2.0**f.FRACTION

@@ -62,6 +62,18 @@ class KbestDrive(PerUnitDrive):
         return self
 
     @property
+    def search(self) -> dict[str, int]:
+        """What a core is built for.
+
+        Returns
+        -------
+        dict of str to int
+            ``beam`` and ``stages``: K and H.
+        """
+        c = self.control
+        return {"beam": c.beam, "stages": c.short_stages + c.long_stages}
+
+    @property
     def bounds(self) -> NDArray[np.float64]:
         """Half widths on [i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c], shape (7,).
 

@@ -9,7 +9,7 @@ from importlib import resources
 
 @functools.cache
 def _maps() -> dict[str, dict[str, tuple[int, dict[str, tuple[int, int, bool]]]]]:
-    text = (resources.files("directmpc.host") / "register_map.json").read_text(encoding="utf-8")
+    text = (resources.files("directmpc") / "register_map.json").read_text(encoding="utf-8")
     return {
         controller: {
             name: (address, {key: tuple(place) for key, place in fields.items()})
