@@ -238,6 +238,11 @@ begin
         if (successor = '1') then
           line <= CHARGED;
         end if;
+
+        -- no line of a capacitor comes before the patterns of a successor
+        if (SECOND_LEVEL and not HAS_CAPACITORS) then
+          flips <= "001";
+        end if;
       end if;
 
       if (rst = '1') then

@@ -9,6 +9,7 @@ import cocotb
 
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc import inverter as anpc
+from directmpc.mpdcc import tables
 from scripts.hdl.clocks import clocks_of
 from tb.helpers import plain
 from tb.helpers.scoreboard import Clock, Scoreboard, arguments, number, signed, word
@@ -18,6 +19,8 @@ HELD = clocks_of("capacitor_search", "held")
 LAST_ROW = clocks_of("capacitor_search", "last_row")
 ROWS = 17
 READY_BEFORE = 6
+#: Positions of an NPC leg as those of the usual one that connect the same.
+NPC = (0, 3, 7)
 #: Of a successor only lines with a current: two kinds of each phase, all patterns but none. They
 #: are the table's last, so each comes as many clocks after start as there are fewer before it.
 MOVING = [row for x in range(3) for row in (4 * x + 1, 4 * x + 2)] + [17 + n for n in range(7)]
@@ -73,12 +76,14 @@ class Table:
 
     successor: int
     bank: int
+    capacitors: bool  # Whether the phases have them
 
     @property
     def rows(self) -> list[int]:
         """Which rows."""
         every = [4 * x + kind for x in range(3) for kind in range(3)] + list(range(16, 24))
-        return sorted(MOVING) if self.successor else every
+        asked = sorted(MOVING) if self.successor else every
+        return asked if self.capacitors else [row for row in asked if row >= 16]
 
     @property
     def last(self) -> int:
@@ -91,6 +96,7 @@ async def random_nodes(dut) -> None:
     """Tables of random nodes, back to back at the declared interval or later."""
     given = arguments()
     rng = random.Random(given["seed"])
+    capacitors = given["converter"] == tables.DEFAULT
     board, clock = Scoreboard(), Clock(dut)
     dut.start.value = dut.node.value = dut.limits.value = dut.previous.value = 0
     dut.successor.value = dut.bank.value = 0
@@ -101,13 +107,14 @@ async def random_nodes(dut) -> None:
         node, limits = random_node(rng, int(rng.random() < 0.8))
         dut.limits.value = limits.pack()
         limits.outside_inwards &= int(given["inwards"])
-        s_prev = tuple(rng.randrange(8) for _ in range(3))
-        table = Table(int(given["successors"] and rng.random() < 0.6), rng.randrange(2))
+        code = tuple(rng.randrange(8 if capacitors else 3) for _ in range(3))
+        s_prev = code if capacitors else tuple(NPC[s] for s in code)
+        table = Table(int(given["successors"] and rng.random() < 0.6), rng.randrange(2), capacitors)
         every = plain.capacitor_rows(node, limits)
         rows = {row: every[row] for row in table.rows}
         dut.successor.value, dut.bank.value = table.successor, table.bank
         dut.node.value = plain.pack_node(node)
-        dut.previous.value = s_prev[0] | s_prev[1] << 3 | s_prev[2] << 6
+        dut.previous.value = code[0] | code[1] << 3 | code[2] << 6
         dut.start.value = 1
         await clock.tick()
         dut.start.value = 0
@@ -115,7 +122,8 @@ async def random_nodes(dut) -> None:
         dut.successor.value, dut.bank.value = rng.randrange(2), rng.randrange(2)
         pattern = sum(int(anpc.NEUTRAL_CURRENT[p] != 0) << x for x, p in enumerate(s_prev))
         slopes = plain.slopes(node, s_prev)
-        ends = zip(node.error[3:], slopes[3:], limits.bounds[3:], strict=True)
+        last = 7 if capacitors else 4
+        ends = zip(node.error[3:last], slopes[3:last], limits.bounds[3:last], strict=True)
         # a successor has no hold test: no line of it fails
         inside = table.successor or all(abs(e + b) <= bound for e, b, bound in ends)
         cut = rng.randrange(1, table.last) if rng.random() < 0.06 else 0
@@ -138,7 +146,7 @@ async def random_nodes(dut) -> None:
                     int(not beyond(node, limits, row)),
                     context,
                 )
-                if len(seen) == 3 and not table.successor:
+                if len(seen) == 3 * capacitors and not table.successor:
                     board.check("s(k-1) first", row, 16 + pattern, context)
                 seen[row] = content
                 board.cover("whole horizon", int(content[0] == limits.horizon))
@@ -166,7 +174,7 @@ async def random_nodes(dut) -> None:
             await clock.tick()
             board.check("no row without a start", number(dut.entry_write), 0)
             board.check("held stays", number(dut.held), int(inside))
-    least = 12 if given["successors"] else 15
+    least = (12 if given["successors"] else 15) if capacitors else 6
     board.finish(
         {"row": least * given["nodes"], "held": given["nodes"], "inside": least * given["nodes"]},
         {"held": 5, "not held": 10, "whole horizon": 50, "dead": 50, "between": 50, "reset": 1}

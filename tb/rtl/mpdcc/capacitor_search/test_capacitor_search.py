@@ -1,7 +1,7 @@
 """The table of the capacitors' lengths against straight lines walked step by step.
 
-Sweep: without and with the rule inwards, its bit set and not; without and with successors; bounds 0
-to 29000, horizons 1 to 63.
+Sweep: without and with the rule inwards, its bit set and not; without and with successors, these
+with the NPC besides; bounds 0 to 29000, horizons 1 to 63.
 Stimulus: random and corner nodes, errors on their bounds and one beyond, any currents; back to back
 and with idle clocks; resets in the middle.
 Checks: all 17 rows, each once, those of s(k-1) first; of a successor the 13 that move; table and
@@ -17,6 +17,8 @@ from pathlib import Path
 
 import pytest
 
+from directmpc.mpdcc import tables
+from scripts.hdl import converter_package
 from scripts.hdl.sources import RTL
 from tb.helpers.faults import seen
 from tb.helpers.flat import Flat
@@ -32,6 +34,7 @@ def bench(
     *,
     inwards: bool = True,
     successors: bool = False,
+    converter: str = tables.DEFAULT,
 ) -> Outcome:
     return run(
         "capacitor_search",
@@ -43,6 +46,7 @@ def bench(
             "throttle": throttle,
             "inwards": inwards,
             "successors": successors,
+            "converter": converter,
         },
         rtl=rtl,
     )
@@ -57,6 +61,11 @@ def test_rows_are_straight_lines(throttle: bool, inwards: bool) -> None:
 @pytest.mark.parametrize("inwards", [False, True], ids=["dead", "both rules"])
 def test_rows_of_successors(inwards: bool) -> None:
     assert bench(inwards=inwards, successors=True).checks["row"] >= 6000
+
+
+def test_rows_of_successors_without_capacitors() -> None:
+    rtl = converter_package.rtl_of("npc3l")
+    assert bench(rtl=rtl, successors=True, converter="npc3l").checks["row"] >= 3000
 
 
 test_a_fault_is_seen = seen(
