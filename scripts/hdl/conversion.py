@@ -760,10 +760,10 @@ def cached(
     return out
 
 
-def is_cached(top: str, generics: Generics) -> bool:
+def is_cached(top: str, generics: Generics, *, rtl: Path = sources.RTL) -> bool:
     """Whether `cached` has nothing to convert."""
     try:
-        return _kept(top, generics, None, sources.RTL)[0].exists()
+        return _kept(top, generics, None, rtl)[0].exists()
     except tools.ToolError:  # a tool is missing
         return False
 

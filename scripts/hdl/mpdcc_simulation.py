@@ -10,9 +10,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from directmpc.mpdcc import tables
 from directmpc.mpdcc.coefficients import inwards, second_level, weighted_deadlock
-from directmpc.mpdcc.variants import FIELDS
+from directmpc.mpdcc.variants import FIELDS, library_of
 from directmpc.native import Design
 from scripts.hdl import converter_package, mpdcc_cosimulation, simulator
 from scripts.hdl import native as natives
@@ -36,10 +35,9 @@ FloatArray = NDArray[np.float64]
 
 def native_design(explorers: int, variant: str, registers: IntArray) -> str:
     """The native library that is such a core; empty if there is none."""
-    own = converter_package.converter_of(registers) == tables.DEFAULT
-    if explorers != NATIVE_EXPLORERS or not own:
+    if explorers != NATIVE_EXPLORERS:
         return ""
-    return "mpdcc_core_paper" if variant == "paper" else "mpdcc_core"
+    return library_of(variant, converter_package.converter_of(registers))
 
 
 class NativeBench:

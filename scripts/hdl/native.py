@@ -11,9 +11,11 @@ from collections.abc import Collection, Coroutine
 from pathlib import Path
 from typing import Any, TypeVar
 
+from directmpc.mpdcc import tables
+from directmpc.mpdcc.variants import VARIANTS, library_of
 from directmpc.native import NativeError, library
 from directmpc.native.library import VERILOG
-from scripts.hdl import conversion
+from scripts.hdl import conversion, converter_package
 from scripts.hdl.virtual_board import generics
 from scripts.shared import tools
 from scripts.shared.tools import Generics
@@ -23,10 +25,12 @@ Result = TypeVar("Result")
 OPTIONS: Generics = {"SECOND_LEVEL": True, "WEIGHTED_DEADLOCK": True, "INWARDS": True}
 #: Steps that the recorder of a board keeps, less one.
 RECORDER = 256
+CORES: dict[str, Generics] = {"fast": OPTIONS, "paper": {"FOLDED": True}}
+#: Library of a variant's core and converter -> the converter.
+CONVERTERS = {library_of(v, name): name for name in tables.NAMES for v in VARIANTS}
 #: Design -> entity and generics.
 DESIGNS: dict[str, tuple[str, Generics]] = {
-    "mpdcc_core": ("mpdcc_core", OPTIONS),
-    "mpdcc_core_paper": ("mpdcc_core", {"FOLDED": True}),
+    **{library_of(v, name): ("mpdcc_core", CORES[v]) for name in tables.NAMES for v in VARIANTS},
     "mptc_core": ("mptc_core", {}),
     "mptc_family_core": ("mptc_family_core", {}),
     "mpdcc_system": ("mpdcc_system", {}),
@@ -47,14 +51,13 @@ LONG = 10_000
 
 def prefer(design: str, rows: int) -> bool:
     """Whether the library of a design is quicker than GHDL for so many rows; then it is built."""
-    top, options = DESIGNS[design]
     text = VERILOG / f"{design}.v"
     try:
         library.verilator(), library.compiler()
         if rows < LONG and not (
-            conversion.is_cached(top, options)
+            conversion.is_cached(*DESIGNS[design], rtl=_rtl(design))
             and text.is_file()
-            and text.read_bytes() == conversion.cached(top, options).read_bytes()
+            and text.read_bytes() == _converted(design).read_bytes()
             and library.kept(design)[0].is_file()
         ):
             return False
@@ -74,13 +77,22 @@ def finished(work: Coroutine[Any, Any, Result]) -> Result:
     raise RuntimeError("a bench around a native library waits")
 
 
+def _rtl(design: str) -> Path:
+    """Folder of a design's VHDL."""
+    return converter_package.rtl_of(CONVERTERS.get(design, tables.DEFAULT))
+
+
+def _converted(design: str) -> Path:
+    """The Verilog of a design in the folder of what is built."""
+    return conversion.cached(*DESIGNS[design], rtl=_rtl(design))
+
+
 def write(designs: Collection[str] = tuple(DESIGNS)) -> list[Path]:
     """Convert designs whose sources have changed."""
     VERILOG.mkdir(exist_ok=True)
     written = []
     for design in designs:
-        top, generics = DESIGNS[design]
-        source, out = conversion.cached(top, generics), VERILOG / f"{design}.v"
+        source, out = _converted(design), VERILOG / f"{design}.v"
         if not out.is_file() or out.read_bytes() != source.read_bytes():
             with tools.replacing(out) as temporary:
                 shutil.copy(source, temporary)

@@ -1,7 +1,7 @@
 """The engine "rtl" of the library: the cores as native libraries, beside the bit-true model.
 
-Sweep: both shipped MPDCC drives with SE, SESE, delay compensation and the leakage's estimate, the
-paper's explorer, K-best, every method of two-level drives.
+Sweep: both shipped MPDCC drives with SE, SESE, delay compensation and the leakage's estimate; every
+other converter with SESE; the paper's explorer; K-best; every method of two-level drives.
 Stimulus: closed loops; random states far outside their formats; resets and states taken back in
 the middle of a decision.
 Checks: every field of every decision is the model's; cycles are those that the cores promise; two
@@ -37,6 +37,8 @@ from directmpc import (
 from directmpc.api.drive_file import AnyDrive
 from directmpc.api.kinds import kind_of
 from directmpc.host.registers import packed, registers_of, values
+from directmpc.mpdcc import tables
+from directmpc.mpdcc.variants import library_of
 from directmpc.mptc.drive import SEQUENCE_METHODS
 from directmpc.native import Design, library
 from scripts.commands.native import cli
@@ -90,10 +92,18 @@ def test_a_loop_of_mpdcc_is_the_models(name: str, settings: str, design) -> None
         assert cycles.max() <= worst_clocks(2, "fast")
 
 
+@pytest.mark.parametrize("name", sorted(tables.NAMES[1:], key=lambda name: name != "npc3l"))
+def test_a_loop_of_another_converter_is_the_models(name: str, design) -> None:
+    design(library_of("fast", name))
+    drive = load_drive("npc3l_3kv3").changed(
+        inverter={"topology": name}, control=MPDCC_SETTINGS["SESE"]
+    )
+    assert len(set(same(drive, speed=0.6).tolist())) > 2
+
+
 def test_a_loop_of_the_papers_explorer_is_the_models(design) -> None:
     design("mpdcc_core_paper")
-    drive = load_drive("anpc5l_6kv").with_control(deadlock_rule="largest", outside_rule="dead")
-    same(drive, variant="paper")
+    same(load_drive("anpc5l_6kv").with_papers_rules(), variant="paper")
 
 
 @pytest.mark.parametrize("settings", [{}, {"delay_compensation": True, "capacitor_filter": 4}])
@@ -203,6 +213,7 @@ def test_a_reset_and_a_state_taken_back_in_the_middle_of_a_decision(design) -> N
         ("anpc5l_6kv", "SE", "fast"),
         ("anpc5l_6kv", "SESE", "fast"),
         ("anpc5l_6kv", "SE", "paper"),
+        ("npc3l_3kv3", "SE", "fast"),
         *(("induction_2kw2", method, "") for method in ("MPTC", "MPFC", "SVM")),
     ],
 )
@@ -218,7 +229,7 @@ def test_run_and_replay_are_ghdls(
     seen = []
     for native_ in (True, False):
         monkeypatch.setattr(native, "LONG", 1 if native_ else 10**9)
-        monkeypatch.setattr(native.conversion, "is_cached", lambda *_: False)
+        monkeypatch.setattr(native.conversion, "is_cached", lambda *_, **__: False)
         if variant:
             run = rtl_loop.simulate(drive, 1.0, 30, 2, variant)
             rows, decisions = run.result.seen, run.result.decisions

@@ -24,11 +24,11 @@ from directmpc.mpdcc import ideal as mpdcc_ideal
 from directmpc.mpdcc import trace
 from directmpc.mpdcc.bit_true import common as mpdcc_words
 from directmpc.mpdcc.closed_loop import OperatingPoint
-from directmpc.mpdcc.drive import Drive, PerUnitDrive, only_default
+from directmpc.mpdcc.drive import Drive, PerUnitDrive
 from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mpdcc.metrics import switching_frequency
 from directmpc.mpdcc.trace import FloatArray, MpdccTrace
-from directmpc.mpdcc.variants import VARIANTS
+from directmpc.mpdcc.variants import VARIANTS, library_of
 from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import bit_true_sequences, ideal_sequences
 from directmpc.mptc import closed_loop as mptc_loop
@@ -328,8 +328,7 @@ class _FiveLevelKind:
 
     def library(self, drive: Drive, variant: str) -> str:
         """As of `Kind`."""
-        only_default(drive)
-        return "mpdcc_core" + "_paper" * (variant == "paper")
+        return library_of(variant, drive.inverter.topology)
 
     def core(self, drive: Drive, variant: str) -> tuple[dict[str, int], Any]:
         """As of `Kind`."""

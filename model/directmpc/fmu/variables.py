@@ -42,7 +42,8 @@ def system_of(drive: Any) -> str:
     """Native library of the design of a drive's controller; ValueError if there is none."""
     if drive.controller not in SYSTEMS:
         raise ValueError(f"controller: {drive.controller} has no FMU; {', '.join(SYSTEMS)} have")
-    kind_of(drive).library(drive, "fast")  # refuses what no library serves
+    if kind_of(drive).library(drive, "fast").startswith("mpdcc_core_"):
+        only_default(drive)
     return FAMILY if getattr(drive.control, "sequences", False) else SYSTEMS[drive.controller]
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from directmpc.mpdcc import tables
 from directmpc.mpdcc.bit_true import fast, paper
 from directmpc.mpdcc.coefficients import Registers, registers
 from directmpc.mpdcc.drive import PAPERS_RULES, Drive
@@ -43,6 +44,12 @@ VARIANTS = {
     ),
 }
 DEFAULT_VARIANT = "fast"
+
+
+def library_of(variant: str, converter: str) -> str:
+    """Name of the native library of a variant's core."""
+    other = "" if converter == tables.DEFAULT else f"_{converter}"
+    return f"mpdcc_core{'_paper' * (variant == 'paper')}{other}"
 
 
 def served(drive: Drive, variant: str) -> tuple[Drive, str]:
