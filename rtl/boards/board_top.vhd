@@ -30,14 +30,16 @@ library work;
 
 entity board_top is
   generic (
-    CONTROLLER        : positive range 1 to 2 := 1;          -- 1: MPDCC, 2: MPTC and MPFC
+    CONTROLLER        : positive range 1 to 3 := 1;          -- 1: MPDCC, 2: MPTC and MPFC, 3: K-best
     EXPLORERS         : positive range 1 to 8 := 1;          -- of MPDCC
     FOLDED            : boolean               := false;      -- MPDCC: true: the paper's explorers
     SECOND_LEVEL      : boolean               := true;       -- MPDCC: true: SESE, delay compensation; fast explorers
     WEIGHTED_DEADLOCK : boolean               := true;       -- MPDCC: true: the weighted deadlock rule; fast explorers
     INWARDS           : boolean               := true;       -- MPDCC: true: the rule inwards; fast explorers
-    CAPACITOR_FILTER  : boolean               := true;       -- MPDCC: true: filters of v_n and v_ph
+    CAPACITOR_FILTER  : boolean               := true;       -- MPDCC, K-best: true: filters of v_n and v_ph
     LEAKAGE_ESTIMATE  : boolean               := true;       -- MPDCC: true: estimate of the leakage; fast explorers
+    BEAM              : positive              := 8;          -- K-best: plans that live on
+    STAGES            : positive              := 12;         -- K-best: stages of the horizon
     FAMILY            : boolean               := false;      -- MPTC: true: methods of two and three vectors
     SENSORLESS        : boolean               := false;      -- MPTC: true: the speed can be estimated
     CLOCK_HZ          : positive              := 25_000_000; -- Hz, of the core: clock divided by DIVIDE, or PLL's
@@ -61,7 +63,7 @@ entity board_top is
     permit         : in    std_logic;                     -- asynchronous, '0': gates off, fault; pulled down
     driver_fault_n : in    std_logic;                     -- asynchronous, '0': a gate driver has a fault; pulled down
     driver_ready   : in    std_logic;                     -- asynchronous, '0': one is not ready; pulled down
-    gates          : out   std_logic_vector(23 downto 0); -- '1': on; MPDCC: S1, S2, ... of a, b, c; MPTC: bits 0 to 5
+    gates          : out   std_logic_vector(23 downto 0); -- '1': on; S1, S2, ... of a, b, c; MPTC: bits 0 to 5
     leds           : out   std_logic_vector(3 downto 0);  -- 0: running, 1: fault, 2: deciding, 3: steps over SPI
     held_high      : out   std_logic_vector(2 downto 0)   -- always '1': pins that can have the FPGA reconfigured
   );
@@ -69,7 +71,7 @@ end entity board_top;
 
 architecture rtl of board_top is
 
-  constant STEP_WORDS     : positive := choose(CONTROLLER = CONTROLLER_MPDCC, STEP_WORDS_MPDCC, STEP_WORDS_MPTC);
+  constant STEP_WORDS     : positive := choose(CONTROLLER = CONTROLLER_MPTC, STEP_WORDS_MPTC, STEP_WORDS_MPDCC);
   constant DEAD_CLOCKS    : positive := clocks_in(LEAST_DEAD_TIME, CLOCK_HZ);
 
   -- clock: oscillator of the board; core_clock: CLOCK_HZ; locked: '1': core_clock is as it should be, asynchronous;
@@ -474,6 +476,88 @@ begin
     end generate g_no_gates;
 
   end generate g_mpdcc;
+
+  g_kbest : if CONTROLLER = CONTROLLER_KBEST generate
+
+    i_system : entity work.kbest_system
+      generic map (
+        BEAM              => BEAM,
+        STAGES            => STAGES,
+        CAPACITOR_FILTER  => CAPACITOR_FILTER,
+        LEAST_DEAD_TIME   => DEAD_CLOCKS,
+        SECOND_SUPERVISOR => SECOND_SUPERVISOR,
+        RECORDER_ROWS     => RECORDER_ROWS
+      )
+      port map (
+        clk            => core_clock,
+        rst            => rst,
+        enable         => '1',
+        external_trip  => external_trip,
+        driver_fault   => driver_fault,
+        second_clock   => second_clock,
+        start          => step_start,
+        is_alpha       => measurements(15 downto 0),
+        is_beta        => measurements(31 downto 16),
+        psir_alpha     => measurements(47 downto 32),
+        psir_beta      => measurements(63 downto 48),
+        v_n            => measurements(79 downto 64),
+        v_ph_a         => measurements(95 downto 80),
+        v_ph_b         => measurements(111 downto 96),
+        v_ph_c         => measurements(127 downto 112),
+        v_dc           => measurements(143 downto 128),
+        iref_alpha     => measurements(159 downto 144),
+        iref_beta      => measurements(175 downto 160),
+        omega_s        => measurements(191 downto 176),
+        omega_r        => measurements(207 downto 192),
+        s_prev_a       => step_position(2 downto 0),
+        s_prev_b       => step_position(5 downto 3),
+        s_prev_c       => step_position(8 downto 6),
+        valid          => decision_valid,
+        busy           => step_busy,
+        s_a            => decision(2 downto 0),
+        s_b            => decision(5 downto 3),
+        s_c            => decision(8 downto 6),
+        held           => decision_flags(FLAG_HELD),
+        cost           => open,
+        saturated      => decision_flags(FLAG_SATURATED),
+        cycles         => decision_cycles,
+        flux_alpha     => open,
+        flux_beta      => open,
+        gates          => gates_now(3 * gates_of(true) - 1 downto 0),
+        running        => running,
+        faults         => faults(14 downto 0),
+        s_axil_awready => awready,
+        s_axil_awvalid => awvalid,
+        s_axil_awaddr  => awaddr,
+        s_axil_awprot  => awprot,
+        s_axil_wready  => wready,
+        s_axil_wvalid  => wvalid,
+        s_axil_wdata   => wdata,
+        s_axil_wstrb   => wstrb,
+        s_axil_bready  => bready,
+        s_axil_bvalid  => bvalid,
+        s_axil_bresp   => bresp,
+        s_axil_arready => arready,
+        s_axil_arvalid => arvalid,
+        s_axil_araddr  => araddr,
+        s_axil_arprot  => arprot,
+        s_axil_rready  => rready,
+        s_axil_rvalid  => rvalid,
+        s_axil_rdata   => rdata,
+        s_axil_rresp   => rresp
+      );
+
+    decision(15 downto 9)          <= (others => '0');
+    decision_flags(FLAG_DEADLOCK)  <= '0';
+    decision_flags(FLAG_CLAMPED)   <= '0';
+    decision_flags(FLAG_EXHAUSTED) <= '0';
+    decision_length                <= (others => '0');
+
+    g_no_gates : for i in 3 * gates_of(true) to 23 generate
+      gates_now(i) <= '0';
+    end generate g_no_gates;
+
+  end generate g_kbest;
 
   g_mptc : if CONTROLLER = CONTROLLER_MPTC generate
 

@@ -19,7 +19,7 @@ library work;
 
 entity host_link is
   generic (
-    CONTROLLER     : positive range 1 to 2 := CONTROLLER_MPDCC; -- CONTROLLER_MPDCC or CONTROLLER_MPTC
+    CONTROLLER     : positive range 1 to 3 := CONTROLLER_MPDCC; -- one of the constants CONTROLLER_
     STEP_WORDS     : positive              := STEP_WORDS_MPDCC; -- 16-bit words of measurements in a STEP
     EXPLORERS      : natural               := 2;                -- reported to the host
     OPTION         : boolean               := false;            -- reported to the host, bit 0 of options

@@ -63,8 +63,10 @@ package link_constants is
   constant SIZE_REPLY_REFUSED : natural := 6; -- payload bytes of the reply
   constant STEP_WORDS_MPDCC : natural := 13; -- measurements of a step
   constant STEP_WORDS_MPTC : natural := 8; -- measurements of a step
+  constant STEP_WORDS_KBEST : natural := 13; -- measurements of a step
   constant CONTROLLER_MPDCC : natural := 1;
   constant CONTROLLER_MPTC : natural := 2;
+  constant CONTROLLER_KBEST : natural := 3;
 
   -- byte address of system.control, whatever the controller
   constant CONTROL_ADDRESS : natural := 12;

@@ -35,7 +35,7 @@ library work;
 
 entity link_executor is
   generic (
-    CONTROLLER     : positive range 1 to 2 := CONTROLLER_MPDCC; -- CONTROLLER_MPDCC or CONTROLLER_MPTC
+    CONTROLLER     : positive range 1 to 3 := CONTROLLER_MPDCC; -- one of the constants CONTROLLER_
     STEP_WORDS     : positive              := STEP_WORDS_MPDCC; -- 16-bit words of measurements in a STEP
     EXPLORERS      : natural               := 2;                -- told in IDENTIFY
     OPTION         : boolean               := false;            -- told in IDENTIFY, bit 0 of options
@@ -164,7 +164,8 @@ begin
 
   assert (CONTROLLER = CONTROLLER_MPDCC and STEP_WORDS = STEP_WORDS_MPDCC)
          or (CONTROLLER = CONTROLLER_MPTC and STEP_WORDS = STEP_WORDS_MPTC)
-    report "link_executor: STEP_WORDS has to be STEP_WORDS_MPDCC for MPDCC, STEP_WORDS_MPTC for MPTC"
+         or (CONTROLLER = CONTROLLER_KBEST and STEP_WORDS = STEP_WORDS_KBEST)
+    report "link_executor: STEP_WORDS has to be the constant STEP_WORDS_ of the controller"
     severity failure;
 
   i_check : entity work.request_check

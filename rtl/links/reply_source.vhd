@@ -21,7 +21,7 @@ library work;
 
 entity reply_source is
   generic (
-    CONTROLLER : positive range 1 to 2 := CONTROLLER_MPDCC; -- told in IDENTIFY
+    CONTROLLER : positive range 1 to 3 := CONTROLLER_MPDCC; -- told in IDENTIFY
     EXPLORERS  : natural               := 2;                -- told in IDENTIFY
     OPTION     : boolean               := false;            -- told in IDENTIFY, bit 0 of options
     CLOCK_HZ   : positive              := 25_000_000;       -- told in IDENTIFY, Hz

@@ -28,7 +28,7 @@ library work;
 
 entity request_check is
   generic (
-    CONTROLLER : positive range 1 to 2 := CONTROLLER_MPDCC; -- CONTROLLER_MPDCC or CONTROLLER_MPTC
+    CONTROLLER : positive range 1 to 3 := CONTROLLER_MPDCC; -- one of the constants CONTROLLER_
     STEP_WORDS : positive              := STEP_WORDS_MPDCC; -- 16-bit words of measurements in a STEP
     RECORDER   : boolean               := false             -- true: either link writes the recorder's registers
   );
@@ -71,7 +71,7 @@ architecture rtl of request_check is
   constant NUMBER_BITS : natural := 31;
 
   -- bits of a position: MPDCC three switch positions, MPTC a vector
-  constant POSITION_BITS : natural := choose(CONTROLLER = CONTROLLER_MPDCC, 9, 3);
+  constant POSITION_BITS : natural := choose(CONTROLLER = CONTROLLER_MPTC, 3, 9);
 
   type counts_t is array (0 to 1) of unsigned(COUNT_BITS - 1 downto 0);
 

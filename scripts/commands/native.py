@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from directmpc import Drive, MptcDrive, RtlController, simulate
-from directmpc.api.drive_file import load_core_drive
+from directmpc.api.drive_file import load_drive
 from directmpc.fmu import write_controller
 from directmpc.fmu.variables import system_of
 from directmpc.native import NativeError, library
@@ -105,7 +105,7 @@ def cli(given: argparse.Namespace) -> int | None:
             print('| drive | `simulate(drive, "rtl")` | `RtlController.decide` | FMPy, `doStep` |')
             print("| --- | --- | --- | --- |")
             for name in DRIVES:
-                rates = _rates(load_core_drive(name))
+                rates = _rates(load_drive(name))
                 print(f"| {name} | {' | '.join(f'{rate:,.0f}' for rate in rates)} |", flush=True)
             return 0
         for design in given.designs or native.DESIGNS:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from directmpc.api.drive_file import load_drive
 from directmpc.host.link import LinkError
 from directmpc.host.rtl import BOARDS
 from directmpc.native import NativeError
@@ -36,7 +37,7 @@ def served(given: argparse.Namespace) -> int:
     """
     try:
         if getattr(given, "source", page.VIRTUAL) == page.VIRTUAL:
-            drive = page.drive_of_cores(given.drive or page.DEFAULTS["mpdcc"])
+            drive = load_drive(given.drive or page.DEFAULTS["mpdcc"])
             with progress.busy("conversion of the VHDL"):
                 native.write([BOARDS[drive.controller]])
         return page.run(given)

@@ -10,7 +10,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from directmpc.api.drive_file import load_core_drive
+from directmpc.api.drive_file import load_drive
 from directmpc.host.board import SPI
 from directmpc.host.console import terminable
 from directmpc.mpdcc import tables
@@ -19,6 +19,9 @@ from scripts.hdl.boards import BOARDS, BUILDS, RECORDER_ROWS
 from scripts.shared import progress
 from scripts.shared.command import UsageError, command, option
 from scripts.shared.tools import BUILD
+
+#: What a virtual board can be.
+CONTROLLERS = ("mpdcc", "kbest", "mptc")
 
 
 def _shown(path: Path) -> str:
@@ -53,12 +56,13 @@ def _shown(path: Path) -> str:
 )
 def cli(given: argparse.Namespace) -> int | None:
     controller, family = given.controller or "mpdcc", given.family
-    topology = tables.DEFAULT
+    topology, search = tables.DEFAULT, {}
     if given.drive:
-        drive = load_core_drive(given.drive)
+        drive = load_drive(given.drive)
         if given.controller not in (None, drive.controller):
             raise UsageError(f"{given.drive} is for {drive.controller}")
         controller = drive.controller
+        search = virtual_board.search_of(drive)
         if controller == "mpdcc":
             topology = drive.inverter.topology
         family = family or getattr(drive.control, "sequences", False)
@@ -73,7 +77,7 @@ def cli(given: argparse.Namespace) -> int | None:
     chosen = virtual_board.generics(
         controller, given.explorers, given.folded, family=family, sensorless=given.sensorless,
         recorder=given.recorder,
-    )  # fmt: skip
+    ) | search  # fmt: skip
     if given.board:
         placed = replace(BOARDS[given.board], recorder=given.recorder)
         chosen = placed.generics(build, given.explorers)

@@ -16,7 +16,7 @@ SCK_MHZ = 25
 """Fastest SPI clock that is constrained."""
 
 #: What `board_top` can be built as, and how it is called in tables.
-BUILDS = {"mpdcc": "MPDCC", "mptc": "MPTC", "family": "MPTC family"}
+BUILDS = {"mpdcc": "MPDCC", "kbest": "K-best", "mptc": "MPTC", "family": "MPTC family"}
 
 #: Steps that a recorder can keep; 0: none is built.
 RECORDER_ROWS = (0, *(2**n for n in range(3, 11)))
@@ -62,7 +62,7 @@ class Board:
     def generics(self, controller: str, explorers: int = 1) -> Generics:
         """Generics of board_top."""
         found: Generics = {
-            "CONTROLLER": {"mpdcc": 1, "mptc": 2, "family": 2}[controller],
+            "CONTROLLER": {"mpdcc": 1, "kbest": 3, "mptc": 2, "family": 2}[controller],
             "CLOCK_HZ": int(self.core_mhz(controller) * 1e6),
             "DIVIDE": self.divide,
             "BAUD": self.baud,
@@ -128,7 +128,7 @@ def _ulx3s(size: str, controllers: tuple[str, ...]) -> Board:
         part=f"LFE5U-{size.upper()}-6BG381C",
         clock_mhz=25,
         divide=1,
-        pll_mhz={"mpdcc": 100, "mptc": 100, "family": 75},
+        pll_mhz={"mpdcc": 100, "kbest": 75, "mptc": 100, "family": 75},
         baud=3_000_000,
         controllers=controllers,
         pins=_ULX3S_PINS,

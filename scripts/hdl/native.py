@@ -37,6 +37,7 @@ DESIGNS: dict[str, tuple[str, Generics]] = {
     "mptc_system": ("mptc_system", {}),
     "mptc_family_system": ("mptc_system", {"FAMILY": True}),
     "kbest_system": ("kbest_system", {}),
+    "kbest_board": ("board_top", generics("kbest", recorder=RECORDER)),
     "mpdcc_board": ("board_top", generics("mpdcc", recorder=RECORDER)),
     "mptc_board": (
         "board_top",

@@ -31,6 +31,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from directmpc.api.drive_file import AnyDrive
 from directmpc.mpdcc import tables
 from scripts.hdl import conversion as netlist
 from scripts.hdl import converter_package
@@ -76,6 +77,11 @@ def generics(
     if sensorless:
         found["SENSORLESS"] = True
     return found
+
+
+def search_of(drive: AnyDrive) -> Generics:
+    """Build options that a drive of K-best asks for; none of another one."""
+    return {name.upper(): value for name, value in getattr(drive, "search", {}).items()}
 
 
 def netlist_of(chosen: Generics, topology: str = tables.DEFAULT) -> Path:

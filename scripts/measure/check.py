@@ -33,7 +33,7 @@ from typing import Annotated, Any, Literal
 import tomli_w
 from pydantic import Field
 
-from directmpc.api.drive_file import load_core_drive
+from directmpc.api.drive_file import load_drive
 from directmpc.drive_tables import (
     DriveError,
     Section,
@@ -43,6 +43,7 @@ from directmpc.drive_tables import (
     number,
     validated,
 )  # fmt: skip
+from directmpc.kbest.coefficients import only_built
 from directmpc.mpdcc.coefficients import inwards, second_level, weighted_deadlock
 from directmpc.mpdcc.variants import DEFAULT_VARIANT, VARIANTS, served
 from directmpc.mptc.drive import MptcDrive
@@ -277,10 +278,13 @@ def render(baseline: Baseline) -> str:
 
 def core_of(request: Request) -> tuple[str, Generics]:
     """Entity and generics that serve a drive."""
-    drive = load_core_drive(request.drive)
+    drive = load_drive(request.drive)
     if isinstance(drive, MptcDrive):
         return ("mptc_family_core" if drive.control.sequences else "mptc_core"), {}
     try:
+        if hasattr(drive, "search"):
+            only_built(drive)
+            return "kbest_core", {}
         drive, _ = served(drive, request.variant)
         values = VARIANTS[request.variant].registers(drive).array()
     except ValueError as error:  # names the key, but does not know the file
@@ -298,7 +302,7 @@ def core_of(request: Request) -> tuple[str, Generics]:
 
 
 def shipped_file(drive: Path) -> Path:
-    """File of a drive that is given by its name, as `load_core_drive` finds it."""
+    """File of a drive that is given by its name, as `load_drive` finds it."""
     found = tools.ROOT / "drives" / f"{drive.name.removesuffix('.toml')}.toml"
     if drive.name == str(drive) and not drive.exists() and found.is_file():
         return found

@@ -62,7 +62,7 @@ _DOTTED = re.compile(r"\bdirectmpc(?:\.\w+)+")
 _SECTION = re.compile(r"^\w[\w ]*\n-{3,}$", re.M)
 _PLACE = re.compile(r"(\S+\.py):(\d+): ")
 #: Questions for the kind of a drive that are left in a folder: this number only falls.
-KIND_QUESTIONS = {"model": 11, "scripts": 18}
+KIND_QUESTIONS = {"model": 7, "scripts": 18}
 #: What they ask for: classes, and the key `controller` of a drive.
 KINDS = re.compile(
     r"(Drive|PerUnitDrive|KbestDrive|MptcDrive|AnyDrive|(Mpdcc|Mptc)(State|Decision|Trace|Errors)"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from directmpc.api.drive_file import load_core_drive, load_mptc_drive
+from directmpc.api.drive_file import load_drive, load_mptc_drive
 from directmpc.host import registers as host_registers
 from directmpc.host.protocol import Frame, Type
 from directmpc.mpdcc import capacitor_observer, leakage, observer
@@ -340,7 +340,7 @@ GUARDED = {"dead_time": 0.4e-6, "minimum_on": 0.6e-6, "minimum_off": 0.6e-6}
 
 def _loaded(name: str) -> tuple[Clocks, dict[str, Any]]:
     """Reset and every register of a drive file, in force; then the register map of its system."""
-    drive = load_core_drive(ROOT / "drives" / f"{name}.toml")
+    drive = load_drive(ROOT / "drives" / f"{name}.toml")
     if hasattr(drive.control, "bound_vn"):
         drive = drive.with_control(**states.STUDIED)
     found = host_registers.values(drive.changed(guard=GUARDED))

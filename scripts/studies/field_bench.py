@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from directmpc.api.drive_file import load_core_drive, shipped_drives
+from directmpc.api.drive_file import load_drive, shipped_drives
 from directmpc.api.simulation import simulate
 from directmpc.csv_table import Column, floats, integers, read_table, write_table
 from directmpc.mpdcc import ideal, trace
@@ -135,7 +135,7 @@ def _make(setting: Setting, folder: Path, steps: int) -> dict[str, Any]:
     folder.mkdir()
     drive_file, trace_file, ideal_file, costs_file = (folder / name for name in FILES)
     tools.write(drive_file, _drive_text(setting))
-    drive = load_core_drive(drive_file)
+    drive = load_drive(drive_file)
     result = simulate(drive, "ideal", steps=steps, settle=SETTLE, speed=setting.speed)
     result.write_trace(trace_file)
     entry: dict[str, Any] = {"rows": steps}

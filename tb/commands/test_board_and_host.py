@@ -515,16 +515,19 @@ def test_monitor_writes_csv(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
 # ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("controller", "count"), [("mptc", 6), ("mpdcc", 8)])
+#: A drive of each controller.
+DRIVES = {"mptc": MPTC, "mpdcc": "anpc5l_6kv", "kbest": "anpc5l_6kv_kbest"}
+
+
+@pytest.mark.parametrize(("controller", "count"), [("mptc", 6), ("mpdcc", 8), ("kbest", 8)])
 def test_every_trip_that_needs_no_gate_comes_when_it_is_provoked(
     controller: str, count: int, tmp_path: Path
 ) -> None:
-    drive = MPTC if controller == "mptc" else "anpc5l_6kv"
     with (
         VirtualBoard(generics(controller), tmp_path / "board", tmp_path / "gates.csv") as running,
         Board(running.port) as board,
     ):
-        board.load(drive)
+        board.load(DRIVES[controller])
         before = [board.read(f"guard.{name}") for name in ("decision_limit", "watchdog")]
         assert len(self_test(board)) == count
         after = [board.read(f"guard.{name}") for name in ("decision_limit", "watchdog")]
@@ -610,14 +613,10 @@ def gates_in(log: Path) -> int:
     return (gates_over_time(log) or [0])[-1]
 
 
-@pytest.mark.parametrize(
-    ("controller", "drive"), [("mptc", MPTC), ("mpdcc", "anpc5l_6kv")], ids=["mptc", "mpdcc"]
-)
-def test_a_run_that_ramps_down_ends_with_the_gates_off(
-    tmp_path: Path, controller: str, drive: str
-) -> None:
+@pytest.mark.parametrize("controller", DRIVES)
+def test_a_run_that_ramps_down_ends_with_the_gates_off(tmp_path: Path, controller: str) -> None:
     log = tmp_path / "gates.csv"
-    file = ROOT / "drives" / f"{drive}.toml"
+    file = ROOT / "drives" / f"{DRIVES[controller]}.toml"
     with VirtualBoard(generics(controller), tmp_path / "board", log) as running:
         given = ["--port", str(running.port), "run", str(file), "--steps", "60", "--gates"]
         assert commands.main([*given, "--ramp-down", "40"]) == 0

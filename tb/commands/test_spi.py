@@ -22,11 +22,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
 import pytest
 
 from directmpc.api.drive_file import load_drive
 from directmpc.host import lockstep, rtl, spi
-from directmpc.host.board import Board, TrippedError
+from directmpc.host.board import Board, RegisterError, TrippedError
 from directmpc.host.link import Link, LinkError
 from directmpc.host.protocol import REPLY, REPLY_SIZE, Decision, Frame, Type
 from directmpc.mptc.drive import MptcDrive
@@ -252,10 +253,26 @@ def test_the_rtls_permit_turns_off_and_what_is_no_board_is_one_line() -> None:
         with pytest.raises(TrippedError, match="external"):
             lockstep.run_mptc(board, load_drive("induction_2kw2"), 600, 3.0, 0.95, 2)
         assert device.design.get("gates") == 0
-    for port, said in (("rtl:no_drive", "no_drive"), ("rtl:anpc5l_6kv_kbest", "kbest")):
-        with pytest.raises(LinkError, match=said) as refused:
-            Board(port)
-        assert "\n" not in str(refused.value)
+    with pytest.raises(LinkError, match="no_drive") as refused:
+        Board("rtl:no_drive")
+    assert "\n" not in str(refused.value)
+
+
+def test_the_rtl_of_a_kbest_board_decides_as_its_model() -> None:
+    native.write(["kbest_board"])
+    drive = load_drive("anpc5l_6kv_kbest")
+    with Board("rtl:anpc5l_6kv_kbest") as board:
+        with pytest.raises(RegisterError, match="beam 16, this board was built for beam 8"):
+            board.load(drive.with_control(beam=16))
+        for filtered in (0, 3):
+            chosen = drive.with_control(capacitor_filter=filtered)
+            board.load(chosen)
+            lockstep.warm_up(chosen)
+            with lockstep.gates_enabled(board):
+                found, *_ = lockstep.run_mpdcc(board, chosen, 1.0, 40, board.variant)
+            assert (found.steps, found.differing, found.faults) == (40, 0, 0)
+            assert found.running[2:].all()
+            assert len(np.unique(found.gates)) > 4
 
 
 @pytest.mark.parametrize("kind", ["spi", "rtl"])

@@ -14,7 +14,7 @@ import random
 import numpy as np
 import pytest
 
-from directmpc.api.drive_file import load_core_drive
+from directmpc.api.drive_file import load_drive
 from directmpc.host import recorder
 from directmpc.host.recorder import CAUSES, FIELDS, STRIDE, RecorderModel, Recording, Settings
 from directmpc.mpdcc import formats
@@ -117,7 +117,7 @@ def test_a_trip_between_two_decisions_stops_at_once_and_nothing_moves_until_it_i
 
 
 def test_a_level_is_given_in_the_units_of_the_drive() -> None:
-    drive = load_core_drive("anpc5l_6kv")
+    drive = load_drive("anpc5l_6kv")
     s = recorder.level(drive, "v_ph_b", 0.55, "falling", after=3)
     assert (s.channel, s.unsigned, s.falling, s.after) == (2 * 3, True, True, 3)
     assert s.level == round(0.55 * formats.CAPACITOR_VOLTAGE.scale)
@@ -132,7 +132,7 @@ def test_a_level_is_given_in_the_units_of_the_drive() -> None:
 
 def test_steps_go_on_across_the_end_of_the_count() -> None:
     rows = np.array([recorder.pack("mptc", {"number": n & 0xFFFF}) for n in (65534, 65535, 2)])
-    drive = load_core_drive("induction_2kw2")
+    drive = load_drive("induction_2kw2")
     found = Recording(drive, recorder.unpack("mptc", rows), trigger=1)
     assert found.steps.tolist() == [0, 1, 4]
     assert found.columns["time"] == pytest.approx(np.array([-1, 0, 3]) * drive.control.ts)

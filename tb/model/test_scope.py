@@ -36,7 +36,7 @@ from directmpc.host.board import Board, RegisterError
 from directmpc.host.link import Link, LinkError
 from directmpc.host.protocol import Type
 from directmpc.host.registers import registers_of
-from directmpc.host.rtl import Device
+from directmpc.host.rtl import BOARDS, Device
 from directmpc.host.spi import SpiStream
 from directmpc.scope import record as records
 from directmpc.scope import server as served
@@ -47,6 +47,7 @@ from scripts.hdl.virtual_board import VirtualBoard, generics
 from scripts.shared.tools import ROOT
 
 DRIVES = {"anpc5l_6kv": "mpdcc_board", "induction_2kw2": "mptc_board"}
+KBEST = "anpc5l_6kv_kbest"
 
 
 @pytest.mark.parametrize("name", [*DRIVES, "npc3l_3kv3"])
@@ -149,7 +150,7 @@ def test_a_record_forgets_its_oldest_rows() -> None:
 @pytest.fixture(scope="module", params=DRIVES)
 def name(request: pytest.FixtureRequest) -> str:
     """A drive whose system is there."""
-    native.write([DRIVES[request.param]])
+    native.write([BOARDS[load_drive(request.param).controller]])
     return str(request.param)
 
 
@@ -205,6 +206,7 @@ def running(name: str) -> Iterator[Running]:
     assert one.gates == 0
 
 
+@pytest.mark.parametrize("name", [*DRIVES, KBEST], indirect=True)
 def test_a_board_runs(running: Running) -> None:
     running.order("start")
     running.wait(300)

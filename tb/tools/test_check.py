@@ -304,6 +304,7 @@ def test_the_core_that_is_synthesised_has_what_the_drive_asks_for(tmp_path: Path
     known = {one.name for one in entity_pages.generics(text, "mpdcc_core")}
     assert known == {"EXPLORERS", "FOLDED", *options}, "a generic that no drive file asks for"
     assert check.core_of(Request(DRIVE, TRACE)) == ("mptc_core", {})
+    assert check.core_of(Request(Path("anpc5l_6kv_kbest"), TRACE)) == ("kbest_core", {})
     own.write_text(shipped.replace("[control]\n", f"[control]\n{options['INWARDS']}\n"))
     # Paper A's explorer has Paper A's rules, whatever the file asks for, and SE alone
     assert check.core_of(Request(own, TRACE, variant="paper"))[1] == {

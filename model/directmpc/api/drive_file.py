@@ -104,17 +104,6 @@ def load_drive(path: str | os.PathLike[str]) -> Drive | KbestDrive | MptcDrive:
     )
 
 
-def load_core_drive(path: str | os.PathLike[str]) -> Drive | MptcDrive:
-    """Load a drive of a controller with a core; DriveFileError as `load_drive`, and for K-best."""
-    drive = load_drive(path)
-    if drive.controller == "kbest":
-        raise DriveFileError(
-            f'{path}: controller: got "kbest"; it must be "mpdcc" or "mptc" here: there is no '
-            "board of K-best"
-        )
-    return drive
-
-
 def _only(path: str | os.PathLike[str], controller: str) -> Any:
     drive = load_drive(path)
     if drive.controller != controller:

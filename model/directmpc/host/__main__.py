@@ -20,12 +20,13 @@ import time
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from directmpc.api.drive_file import load_core_drive
+from directmpc.api.drive_file import load_drive
 from directmpc.host import lockstep, recorder, spi
 from directmpc.host.board import BAUD, Board, DisabledError, RegisterError, TrippedError
 from directmpc.host.console import (
@@ -112,7 +113,7 @@ def _load(
 
 def load(board: Board, console: Console, given: argparse.Namespace) -> int:
     """Write a drive file's registers, commit them and read them back."""
-    _load(board, console, load_core_drive(given.drive), given)
+    _load(board, console, load_drive(given.drive), given)
     return 0
 
 
@@ -125,11 +126,12 @@ def test(board: Board, console: Console, given: argparse.Namespace) -> int:
 
 def run(board: Board, console: Console, given: argparse.Namespace) -> int:
     """Run a closed loop: the board decides, the plant is simulated here."""
-    drive = load_core_drive(given.drive)
+    drive: Any = load_drive(given.drive)
+    multilevel = hasattr(drive, "converter")
     if given.out:  # found out after the last step, all of them would have been for nothing
-        if not isinstance(drive, Drive):
+        if not multilevel:
             raise ValueError(
-                f"--out: {given.drive} is an {drive.controller} drive; the decisions of mpdcc "
+                f"--out: {given.drive} is an {drive.controller} drive; the decisions of multilevel "
                 "drives alone are written"
             )
         check_output(given.out, given.drive)
@@ -138,7 +140,7 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
     def loop() -> lockstep.LockStep:
         """Do the steps of the drive's controller."""
         with progress_bar("steps over the link", given.steps) as progress:
-            if isinstance(drive, Drive):
+            if multilevel:
                 done, _, decisions = lockstep.run_mpdcc(
                     *(board, drive, given.speed, given.steps, board.variant, progress),
                     ramp_down=given.ramp_down,
@@ -227,7 +229,7 @@ def record(board: Board, console: Console, given: argparse.Namespace) -> int:
     RegisterError if the board has none; ValueError if the drive file or a setting cannot be used,
     or a file cannot be written.
     """
-    drive = load_core_drive(given.drive)
+    drive = load_drive(given.drive)
     files = [path for path in (given.trace, given.decisions, given.table) if path]
     for path in files:
         check_output(path, given.drive)

@@ -29,7 +29,7 @@ from typing import Any, Self
 import numpy as np
 
 from directmpc.api.controllers import state_of
-from directmpc.api.drive_file import load_core_drive
+from directmpc.api.drive_file import AnyDrive, load_drive
 from directmpc.drive_tables import DriveError
 from directmpc.host import protocol as p
 from directmpc.host import rtl, spi
@@ -56,10 +56,8 @@ from directmpc.host.registers import (
     registers_of,
     values,
 )
-from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.formats import BOUND_HIGH
 from directmpc.mpdcc.tables import NAMES
-from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sequence import TIME_STEPS
 from directmpc.states import (
     MpdccDecision,
@@ -211,7 +209,7 @@ class Board:
         How it is reached.
     identity : Identity
         Who it is.
-    drive : Drive, MptcDrive or None
+    drive : Drive, KbestDrive, MptcDrive or None
         What it has been loaded with.
 
     Raises
@@ -243,7 +241,7 @@ class Board:
             self._close()
             raise
         self.real_time = real_time
-        self.drive: Drive | MptcDrive | None = None
+        self.drive: AnyDrive | None = None
         self._encoder: Encoder | None = None
         self._count = 0
         self._started = False
@@ -293,7 +291,7 @@ class Board:
         Returns
         -------
         str
-            "mpdcc" or "mptc".
+            "mpdcc", "kbest" or "mptc".
         """
         return self.identity.controller.name.lower()
 
@@ -457,7 +455,7 @@ class Board:
 
     def values(
         self,
-        drive: Drive | MptcDrive,
+        drive: AnyDrive,
         *,
         sensorless: bool = False,
     ) -> RegisterValues:
@@ -465,7 +463,7 @@ class Board:
 
         Parameters
         ----------
-        drive : Drive or MptcDrive
+        drive : Drive, KbestDrive or MptcDrive
             As loaded from a file.
         sensorless : bool
             Whether the board estimates the speed, and the flux with it; two-level drives alone.
@@ -497,7 +495,7 @@ class Board:
 
     def load(
         self,
-        drive: Drive | MptcDrive | str | os.PathLike[str] | RegisterValues,
+        drive: AnyDrive | str | os.PathLike[str] | RegisterValues,
         *,
         sensorless: bool = False,
     ) -> int:
@@ -505,7 +503,7 @@ class Board:
 
         Parameters
         ----------
-        drive : Drive, MptcDrive, str, path or RegisterValues
+        drive : Drive, KbestDrive, MptcDrive, str, path or RegisterValues
             A drive, the path of its file, the name of a shipped one; or values of one's own, which
             are written as they are, and for which `step` knows no units.
         sensorless : bool
@@ -538,7 +536,7 @@ class Board:
         if isinstance(drive, RegisterValues):
             found, self.drive, self._encoder = drive, None, None
         else:
-            known = drive if hasattr(drive, "controller") else load_core_drive(drive)
+            known = drive if hasattr(drive, "controller") else load_drive(drive)
             self._check_controller(known.controller)
             self._check_converter(known)
             found = self.values(known, sensorless=sensorless)
@@ -560,6 +558,13 @@ class Board:
                 raise RegisterError(
                     f"the drive sets {name}, which this board ignores: its capabilities lack "
                     f"{capability}"
+                )
+        if found.search:
+            known = self.read("result.search")
+            if lacking := [f"{n} {v}" for n, v in found.search.items() if known[n] != v]:
+                has = " and ".join(f"{n} {known[n]}" for n in found.search)
+                raise RegisterError(
+                    f"the drive asks for {' and '.join(lacking)}, this board was built for {has}"
                 )
         try:
             writes = found.writes()
@@ -599,7 +604,7 @@ class Board:
         if controller != self.controller:
             raise LinkError(f"the drive file is for {controller}, the board has {self.controller}")
 
-    def _check_converter(self, drive: Drive | MptcDrive) -> None:
+    def _check_converter(self, drive: AnyDrive) -> None:
         if hasattr(drive, "converter"):
             number = self.read("system.gates")["converter"]
             built = NAMES[number] if number < len(NAMES) else f"number {number}"
@@ -612,8 +617,8 @@ class Board:
     def start(self) -> tuple[str, ...]:
         """Clear the faults and let the gates switch; they follow the decisions from now on.
 
-        The drive's capacitor filters, its observer, its estimate of the leakage and its own
-        sequence begin anew: nobody knows how long ago the last step was.
+        The drive's capacitor filters, its observer, its estimate of the leakage, its plan and its
+        own sequence begin anew: nobody knows how long ago the last step was.
 
         Returns
         -------
@@ -648,6 +653,7 @@ class Board:
             )
         control = getattr(self.drive, "control", None)
         remembers = any(getattr(control, k, 0) for k in ("capacitor_filter", "leakage_estimate"))
+        remembers = remembers or self.identity.controller is Controller.KBEST  # its plan
         if remembers or self._kept["own_positions"] or self._kept.get("use_observer"):
             self.forget_estimates()
         self._started, self._waited = True, 0  # from here on there is something to turn off
@@ -1019,7 +1025,7 @@ class Board:
     def recording(
         self,
         last: int | None = None,
-        drive: Drive | MptcDrive | None = None,
+        drive: AnyDrive | None = None,
         meanwhile: Callable[[], None] = lambda: None,
     ) -> Recording:
         """What the recorder holds, while the drive runs or after it has stopped.
@@ -1028,7 +1034,7 @@ class Board:
         ----------
         last : int, optional
             The newest so many records; all by default.
-        drive : Drive or MptcDrive, optional
+        drive : Drive, KbestDrive or MptcDrive, optional
             What the board has been loaded with, where that was not by this host.
         meanwhile : callable
             Is called before each request that reads a record.
@@ -1104,12 +1110,22 @@ class Board:
             counts += struct.unpack(f"<{p.COUNTERS_PER_REPLY}I", reply)
         return {outcome: counts[outcome] for outcome in Outcome}
 
+    def has_capacitors(self) -> bool:
+        """Whether the guard watches phase capacitors and a neutral point.
+
+        Returns
+        -------
+        bool
+            True for MPDCC and K-best.
+        """
+        return self.identity.controller is not Controller.MPTC
+
     def is_mpdcc(self) -> bool:
         """Which controller was built.
 
         Returns
         -------
         bool
-            True for MPDCC, false for MPTC.
+            True for MPDCC, false for another one.
         """
         return self.identity.controller is Controller.MPDCC

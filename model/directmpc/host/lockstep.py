@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from directmpc.api.controllers import ModelController, state_of
+from directmpc.api.drive_file import AnyDrive
 from directmpc.api.kinds import kind_of
 from directmpc.host.board import Board, decision_of
 from directmpc.host.measurements import Encoder
 from directmpc.host.protocol import Decision as Answer
 from directmpc.host.protocol import Flag
+from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import capacitor_observer
 from directmpc.mpdcc import closed_loop as mpdcc_loop
 from directmpc.mpdcc.drive import Drive
@@ -68,7 +70,7 @@ def gates_enabled(board: Board) -> Iterator[None]:
         board.stop()
 
 
-def warm_up(drive: Drive | MptcDrive, variant: str = DEFAULT_VARIANT) -> None:
+def warm_up(drive: AnyDrive, variant: str = DEFAULT_VARIANT) -> None:
     """Compile model and plant, so that no step of a loop waits for it while a watchdog runs.
 
     ValueError if the model cannot represent the drive.
@@ -87,7 +89,7 @@ class BoardController:
     ----------
     board : Board
         Board that has been loaded with `drive`.
-    drive : Drive or MptcDrive
+    drive : Drive, KbestDrive or MptcDrive
         What the model beside it decides for.
     variant : str
         "fast" or "paper": which model of MPDCC it is.
@@ -116,7 +118,7 @@ class BoardController:
     def __init__(
         self,
         board: Board,
-        drive: Drive | MptcDrive,
+        drive: AnyDrive,
         variant: str = DEFAULT_VARIANT,
         *,
         sensorless: bool = False,
@@ -132,7 +134,7 @@ class BoardController:
         self._model: Controller = model
         if sensorless and kind_of(drive).sensorless:
             self._model = SensorlessController(drive, model, engine="model")
-        if sensorless or getattr(drive.control, "sequences", False):
+        if sensorless or kind_of(drive).remembers(drive):
             board.forget_estimates()
         self._encoder = Encoder(drive)
         self._filters: capacitor_observer.CapacitorFilter | None = None
@@ -247,7 +249,7 @@ class BoardController:
 
 def run_mpdcc(
     board: Board,
-    drive: Drive,
+    drive: Drive | KbestDrive,
     speed: float,
     steps: int,
     variant: str,
@@ -255,7 +257,7 @@ def run_mpdcc(
     *,
     ramp_down: int = 0,
 ) -> tuple[LockStep, MpdccTrace, Decisions]:
-    """MPDCC at rated current from the steady state at a stator frequency per unit.
+    """MPDCC or K-best at rated current from the steady state at a stator frequency per unit.
 
     Summary, what the board saw as a trace, and its decisions. In the last `ramp_down` steps the
     reference falls to zero. LinkError, RefusedError or TrippedError of the board; ValueError

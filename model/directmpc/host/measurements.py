@@ -6,17 +6,16 @@ from collections.abc import Mapping
 from typing import Any
 
 from directmpc.api.controllers import state_of
+from directmpc.api.drive_file import AnyDrive
 from directmpc.api.kinds import kind_of
 from directmpc.host.protocol import packed_positions
-from directmpc.mpdcc.drive import Drive
-from directmpc.mptc.drive import MptcDrive
 from directmpc.states import State
 
 
 class Encoder:
     """Turns states of a drive into words; ValueError if they cannot represent the drive."""
 
-    def __init__(self, drive: Drive | MptcDrive) -> None:
+    def __init__(self, drive: AnyDrive) -> None:
         self.drive = drive
         kind = kind_of(drive)
         self._encode = kind.encoder(drive)
@@ -25,7 +24,7 @@ class Encoder:
     def words(self, state: State | Mapping[str, Any]) -> tuple[list[int], bool, int]:
         """Words of a state or a row of its trace, whether one was clipped, and what is applied.
 
-        The core's ports in order, in LSB; MPDCC: s(k-1) packed, MPTC: u, of a sequence the first.
+        The core's ports in order, in LSB; s(k-1) packed, MPTC: u, of a sequence the first.
         TypeError or StateError for what is no state of the drive.
         """
         words, applied, clipped = self._encode(state_of(self.drive, state))

@@ -96,14 +96,15 @@ class Controller(IntEnum):
 
     MPDCC = 1
     MPTC = 2
+    KBEST = 3
 
 
 #: 16-bit words of a STEP request by controller; positions or vector follow as another.
-STEP_WORDS = {Controller.MPDCC: 13, Controller.MPTC: 8}
+STEP_WORDS = {Controller.MPDCC: 13, Controller.MPTC: 8, Controller.KBEST: 13}
 
 
 def step_size(controller: Controller) -> int:
-    """Payload bytes of a STEP request: 28 for MPDCC, 18 for MPTC."""
+    """Payload bytes of a STEP request: 28 for MPDCC and K-best, 18 for MPTC."""
     return 2 * STEP_WORDS[controller] + 2
 
 
@@ -262,7 +263,7 @@ class Identity:
 
     version: int  # Of the protocol
     controller: Controller  # Build option
-    explorers: int  # Of MPDCC, 0 for MPTC
+    explorers: int  # Of MPDCC, else 0
     # Bit 0: paper's explorers (FOLDED) or, for MPTC, MPFC built in; bit 1: this link is in control.
     options: int
     last_sequence: int  # Last sequence number that was acted upon on this link; bit 31 is the link

@@ -18,15 +18,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from directmpc.api.drive_file import AnyDrive
 from directmpc.api.kinds import kind_of
 from directmpc.csv_table import Column, FloatArray, IntArray, floats, read_table, write_table
 from directmpc.host.gate_guard import FAULTS
 from directmpc.mpdcc import formats as mpdcc_formats
 from directmpc.mpdcc import trace as mpdcc_trace
-from directmpc.mpdcc.drive import Drive
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import trace as mptc_trace
-from directmpc.mptc.drive import MptcDrive
 
 #: Words that a record has room for; its address is the step's with four bits behind it.
 STRIDE = 16
@@ -183,7 +182,7 @@ class Settings:
 
 
 def level(
-    drive: Drive | MptcDrive, name: str, value: float | Sequence[int], edge: str, **others: Any
+    drive: AnyDrive, name: str, value: float | Sequence[int], edge: str, **others: Any
 ) -> Settings:
     """Settings that trigger on a quantity, in the unit of the drive file.
 
@@ -361,7 +360,7 @@ class RecorderStatus:
 class Recording:
     """What was recorded, oldest step first."""
 
-    drive: Drive | MptcDrive  # What the board was loaded with; says what the words mean
+    drive: AnyDrive  # What the board was loaded with; says what the words mean
     fields: dict[str, IntArray]  # (n,): Words as the core had them, see `FIELDS`
     # Row of the step that triggered, or of the last one before it; None while nothing has, or where
     # that row has been written over.
@@ -435,7 +434,7 @@ class Recording:
         write_table(path, list(columns), [list(row) for row in rows])
 
 
-def read_recording(drive: Drive | MptcDrive, path: os.PathLike[str]) -> dict[str, FloatArray]:
+def read_recording(drive: AnyDrive, path: os.PathLike[str]) -> dict[str, FloatArray]:
     """Columns of a file of `Recording.write_table`. TraceError if it is malformed."""
     none = np.zeros((0, STRIDE), dtype=np.int64)
     names = list(Recording(drive, unpack(drive.controller, none)).columns)

@@ -66,7 +66,7 @@ class LinkModel:
         if kind in p.ACTING and not self.controls and not self.disables(frame):
             return Outcome.LINK
         if kind == Type.STEP:
-            mask = 0x1FF if self.identity.controller is Controller.MPDCC else 7
+            mask = 7 if self.identity.controller is Controller.MPTC else 0x1FF
             applied = self.applied()
             asked = int.from_bytes(frame.payload[-2:], "little")
             if applied is not None and (asked ^ applied) & mask:

@@ -36,7 +36,7 @@ def _beyond(board: Board) -> Iterator[tuple[str, str, int]]:
         yield "over_speed", "omega_r", sign * speed
     yield "link_high", "v_dc", board.read("guard.link_high")["value"] + 1
     yield "link_low", "v_dc", board.read("guard.link_low")["value"] - 1
-    if board.is_mpdcc():
+    if board.has_capacitors():
         limit = board.read("bands.v_n_limit")["value"] + 1
         yield "neutral_point", "v_n", limit
         yield "neutral_point", "v_n", -limit
@@ -53,7 +53,7 @@ def _inside(board: Board) -> dict[str, int]:
     words = {name: 0 for name in words if name != "u" and not name.startswith("s_prev_")}
     ends = (board.read(f"guard.link_{end}")["value"] for end in ("high", "low"))
     words["v_dc"] = sum(ends) // 2
-    if board.is_mpdcc():
+    if board.has_capacitors():
         ends = (board.read(f"bands.v_ph_{end}")["value"] for end in ("high", "low"))
         words |= dict.fromkeys(("v_ph_a", "v_ph_b", "v_ph_c"), sum(ends) // 2)
     return words

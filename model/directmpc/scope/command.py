@@ -18,9 +18,6 @@ from directmpc.host.console import busy, interrupted, terminable
 from directmpc.host.link import Link
 from directmpc.host.rtl import Device
 from directmpc.host.spi import SpiStream
-from directmpc.kbest.drive import KbestDrive
-from directmpc.mpdcc.drive import Drive
-from directmpc.mptc.drive import MptcDrive
 from directmpc.scope.record import Record, of_files, of_result, of_table
 from directmpc.scope.signals import AnyDrive
 
@@ -34,7 +31,7 @@ VIRTUAL = "virtual"
 PACE = 1_500
 """Steps a second of the virtual board, unless asked for otherwise."""
 
-DEFAULTS = {"mpdcc": "anpc5l_6kv", "mptc": "induction_2kw2"}
+DEFAULTS = {"mpdcc": "anpc5l_6kv", "kbest": "anpc5l_6kv_kbest", "mptc": "induction_2kw2"}
 
 
 class ScopeError(ValueError):
@@ -83,13 +80,12 @@ def run(given: argparse.Namespace) -> int:
         if source != VIRTUAL and path.suffix == ".csv":
             names = _names(path)
             given.drive = given.drive or DEFAULTS["mptc" if "psis_alpha" in names else "mpdcc"]
+            drive = load_drive(given.drive)
             if "gates" in names:  # what a board's recorder held
                 if given.decisions:
                     raise ScopeError(f"{path}: it has its decisions; leave --decisions out")
-                drive = drive_of_cores(given.drive)
                 record = of_table(drive, path)
             else:
-                drive = load_drive(given.drive)
                 record = of_files(drive, path, given.decisions)
             title = f"{path.name} · {given.drive}"
         else:
@@ -130,14 +126,14 @@ def _board(
 
     device = None
     if source == VIRTUAL:
-        drive = drive_of_cores(given.drive or DEFAULTS["mpdcc"])
+        drive = load_drive(given.drive or DEFAULTS["mpdcc"])
         with busy("virtual board: building, a minute the first time"):
             device = Device(drive.controller)
         board = stack.enter_context(Board(Link(SpiStream(device))))
     else:
         real_time = bool(given.real_time)
         board = stack.enter_context(Board(source, real_time=real_time, baud=given.baud))
-        drive = drive_of_cores(given.drive or DEFAULTS[board.controller])
+        drive = load_drive(given.drive or DEFAULTS[board.controller])
     record = Record(drive)
     with busy("scope: compiling, half a minute the first time"):
         live = Live(board, drive, record, device, PACE if device else math.inf)
@@ -145,14 +141,6 @@ def _board(
     stack.callback(live.close)
     name = "virtual board" if device else source
     return drive, record, live, f"{name} · {given.drive or DEFAULTS[drive.controller]}"
-
-
-def drive_of_cores(name: str) -> Drive | MptcDrive:
-    """A drive that there is a board for. ScopeError if its controller has no system."""
-    drive = load_drive(name)
-    if isinstance(drive, KbestDrive):
-        raise ScopeError(f"{name}: there is no board for {drive.controller}; show a trace of it")
-    return drive
 
 
 def _token(host: str) -> str | None:

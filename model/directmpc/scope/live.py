@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from directmpc.api.drive_file import AnyDrive
 from directmpc.api.kinds import kind_of
 from directmpc.drive_tables import DriveError
 from directmpc.host.board import Board, DisabledError, RegisterError, TrippedError
@@ -25,8 +26,6 @@ from directmpc.host.protocol import Decision, Flag, Type, step_size
 from directmpc.host.registers import registers_of
 from directmpc.host.rtl import Device
 from directmpc.mpdcc.capacitor_observer import CapacitorFilter
-from directmpc.mpdcc.drive import Drive
-from directmpc.mptc.drive import MptcDrive
 from directmpc.scope.record import GateCourse, Record, of_recording, positions_of
 from directmpc.scope.rigs import Setting, parameters_of, rig_of
 from directmpc.scope.signals import fault_names
@@ -90,7 +89,7 @@ class Live(threading.Thread):
     def __init__(
         self,
         board: Board,
-        drive: Drive | MptcDrive,
+        drive: AnyDrive,
         record: Record,
         device: Device | None = None,
         pace: float = math.inf,
@@ -116,7 +115,7 @@ class Live(threading.Thread):
         self._held: tuple[int, ...] = ()
         self._due = self._since = time.monotonic()
         self._counted = 0
-        self._committed: tuple[Drive | MptcDrive, Mapping[str, float], Future[Any]] | None = None
+        self._committed: tuple[AnyDrive, Mapping[str, float], Future[Any]] | None = None
         self._running = self._closing = False
         self._events: deque[dict[str, Any]] = deque(maxlen=20)
         self._error, self._rate, self._gates = "", 0.0, 0
@@ -364,7 +363,7 @@ class Live(threading.Thread):
             raise OrderError("only the virtual board's permit can be taken away here")
         self._device.design.put("permit", 0)
 
-    def _set(self, values: Any) -> tuple[Drive | MptcDrive, Mapping[str, float]] | None:
+    def _set(self, values: Any) -> tuple[AnyDrive, Mapping[str, float]] | None:
         """References at once; parameters together, by one commit."""
         known = {setting.key: setting for setting in self.settings}
         if not isinstance(values, dict) or not values:
@@ -466,7 +465,7 @@ class Live(threading.Thread):
                 row[f"next_{flag.name.lower()}"] = answer.has(flag)
             row["next_length"] = answer.length
             for name in ("bound_current", "bound_vn", "bound_vph"):
-                row[name] = getattr(control, name)
+                row[name] = getattr(control, name, math.nan)
             if self._filters is not None:
                 signed = [
                     w - (f.signed and w >> 15) * 65536

@@ -25,8 +25,6 @@ from directmpc.api.simulation import SimulationResult
 from directmpc.csv_table import TraceError
 from directmpc.host.gate_guard import LEGS
 from directmpc.host.recorder import read_recording
-from directmpc.mpdcc.drive import Drive
-from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import STATES
 from directmpc.scope.signals import PHASES, AnyDrive, FloatArray, Signals, fault_names
 
@@ -178,7 +176,7 @@ def of_columns(drive: AnyDrive, columns: Mapping[str, NDArray[Any]]) -> Record:
 
 
 def of_recording(
-    drive: Drive | MptcDrive,
+    drive: AnyDrive,
     columns: Mapping[str, NDArray[Any]],
     trigger: int | None,
     cause: Iterable[str],
@@ -198,7 +196,7 @@ def of_recording(
     return record
 
 
-def of_table(drive: Drive | MptcDrive, path: Path) -> Record:
+def of_table(drive: AnyDrive, path: Path) -> Record:
     """A record of a file that `directmpc-host record --table` has written.
 
     TraceError if it is malformed.

@@ -11,11 +11,11 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from directmpc.api.drive_file import AnyDrive
 from directmpc.api.dynamics import BANDWIDTH, WEIGHT, Course, FieldOrientation
 from directmpc.api.kinds import kind_of
-from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc.closed_loop import nearest_positions
-from directmpc.mpdcc.drive import Drive
+from directmpc.mpdcc.drive import PerUnitDrive
 from directmpc.mpdcc.plant import Plant
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.plant import advance, plant_parameters, steady_state
@@ -52,7 +52,7 @@ class Setting:
         return asdict(self)
 
 
-def parameters_of(drive: Drive | KbestDrive | MptcDrive) -> list[Setting]:
+def parameters_of(drive: AnyDrive) -> list[Setting]:
     """Parameters of a drive that can change while it runs. Ranges are those of the drive file."""
     units = kind_of(drive).units(drive)
     volt, amp = (("V", units.voltage), ("pu", 1.0)), (("A", units.current), ("pu", 1.0))
@@ -79,7 +79,7 @@ def parameters_of(drive: Drive | KbestDrive | MptcDrive) -> list[Setting]:
 class FiveLevelRig:
     """An exact plant per unit with a speed controller, or with a turning current reference."""
 
-    def __init__(self, drive: Drive) -> None:
+    def __init__(self, drive: PerUnitDrive) -> None:
         self._drive = drive
         self._turns = "torque" in drive.machine.quantities
         frequency = (("Hz", drive.base.frequency), ("pu", 1.0))
@@ -233,6 +233,6 @@ class TwoLevelRig:
         self._applied = int(applied) if isinstance(applied, int) else applied
 
 
-def rig_of(drive: Drive | MptcDrive) -> FiveLevelRig | TwoLevelRig:
+def rig_of(drive: AnyDrive) -> FiveLevelRig | TwoLevelRig:
     """A plant for a drive's board."""
     return FiveLevelRig(drive) if kind_of(drive).per_unit else TwoLevelRig(drive)

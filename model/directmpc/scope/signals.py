@@ -16,18 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from directmpc.api.drive_file import AnyDrive
 from directmpc.api.kinds import kind_of
 from directmpc.host.gate_guard import FAULTS
-from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import ideal
-from directmpc.mpdcc.drive import Drive
 from directmpc.mptc import ideal as mptc_ideal
-from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.inverter import STATES
 
 FloatArray = NDArray[np.float64]
 Table = Mapping[str, FloatArray]
-AnyDrive = Drive | KbestDrive | MptcDrive
 PHASES = "abc"
 
 #: What a board says beside the decision.

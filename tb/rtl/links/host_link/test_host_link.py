@@ -101,6 +101,7 @@ def test_no_decision_is_given_up_too_early() -> None:
         {"CONTROLLER": 1, "STEP_WORDS": 8},
         {"CONTROLLER": 2, "STEP_WORDS": 13},
         {"CONTROLLER": 2, "STEP_WORDS": 9},
+        {"CONTROLLER": 3, "STEP_WORDS": 8},
     ],
     ids=lambda generics: "-".join(map(str, generics.values())),
 )

@@ -60,7 +60,9 @@ def bench(
 
 
 @pytest.mark.parametrize("throttle", [0, 1], ids=["full speed", "throttled"])
-@pytest.mark.parametrize("generics", [USUAL, OTHER], ids=["usual", "other"])
+@pytest.mark.parametrize(
+    "generics", [USUAL, OTHER, USUAL | {"CONTROLLER": 3}], ids=["usual", "other", "K-best"]
+)
 def test_replies_are_those_of_the_protocol(generics: Mapping[str, object], throttle: int) -> None:
     found = bench(generics=generics, throttle=throttle)
     assert found.checks["reply_data"] >= 4000

@@ -26,7 +26,7 @@ from tb.helpers.faults import seen
 from tb.helpers.simulation import Outcome, run
 
 NAME = "request_check"
-STEP_WORDS = {1: 13, 2: 8}  # by controller
+STEP_WORDS = {1: 13, 2: 8, 3: 13}  # by controller
 
 
 def bench(
@@ -51,7 +51,11 @@ def bench(
 
 @pytest.mark.parametrize("pause", [0, 0.3], ids=["full speed", "throttled"])
 @pytest.mark.parametrize("recorder", [False, True], ids=["", "recorder"])
-@pytest.mark.parametrize("controller", [1, 2], ids=["MPDCC", "MPTC"])
+@pytest.mark.parametrize(
+    "controller",
+    [1, 2, pytest.param(3, marks=pytest.mark.thorough)],
+    ids=["MPDCC", "MPTC", "K-best"],
+)
 def test_requests_are_judged_by_the_protocol(controller: int, recorder: bool, pause: float) -> None:
     found = bench(controller=controller, pause=pause, sizes=1, recorder=recorder)
     assert found.checks["outcome"] >= 300
@@ -64,7 +68,7 @@ test_a_fault_is_seen = seen(
     ("not (number_now(31) xor link)", "'1'", "outcome:"),
     ("behind(NUMBER_BITS - 1) and not", "(not behind(5)) and not", "outcome:"),
     ('elsif (data /= x"00") then', "elsif (data(7) = '1') then", "outcome:"),
-    ("MPDCC, 9, 3)", "MPDCC, 8, 3)", "outcome:"),
+    ("MPTC, 3, 9)", "MPTC, 3, 8)", "outcome:"),
     ("(stepping = '1' or (disables or records) = '0')", "disables = '0'", "outcome:"),
     ("noted <= acted and changes;", "noted <= acted;", "last:"),
     ("        noted  <= '0';\n", "", "last:"),
