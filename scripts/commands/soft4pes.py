@@ -1,4 +1,4 @@
-"""MPDCC beside Soft4PES's own controllers on its own three-level drive."""
+"""MPDCC beside Soft4PES's own controllers on its own medium-voltage drive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MPDCC beside the controllers of Soft4PES, on the medium-voltage NPC drive of Soft4PES.
+"""MPDCC beside the controllers of Soft4PES, on the medium-voltage drive of Soft4PES.
 
 Soft4PES (TAU-Power-Electronic-Systems/Soft4PES, MIT licence) runs as it is, from a clone of
 `COMMIT`: its machine, its converter, its simulation, its current controllers. MPDCC decides at the
