@@ -111,7 +111,8 @@ begin
       deadlock => open,
       length => open,
       saturated => open,
-      exhausted => open
+      exhausted => open,
+      cost => open
     );
 
   p_test : process is

@@ -7,6 +7,7 @@
 
 library ieee;
   use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
 
 library work;
   use work.converter_leg.all;
@@ -32,7 +33,8 @@ entity mpdcc_controller is
     options      : in    options_t;      -- of SECOND_LEVEL, stable from start to valid
     valid        : out   std_logic;      -- '1' for one clock: decision is new
     busy         : out   std_logic;      -- '1': a decision is under way
-    decision     : out   decision_t      -- stable until the next valid
+    decision     : out   decision_t;     -- stable until the next valid
+    cost         : out   std_logic_vector(COST_WIDTH - 1 downto 0) -- J of it, unsigned; none if held or deadlock
   );
 end entity mpdcc_controller;
 
@@ -55,6 +57,15 @@ begin
   assert not (FOLDED and INWARDS)
     report "mpdcc_controller: INWARDS needs the fast explorer, FOLDED = false"
     severity failure;
+
+  -- each is a register that the search has in any case: a single result is not kept a second time
+  g_one_result : if EXPLORERS = 1 and not FOLDED and not SECOND_LEVEL generate
+    cost <= std_logic_vector(resize(answers(0).result.rank, COST_WIDTH));
+  end generate g_one_result;
+
+  g_results : if EXPLORERS > 1 or FOLDED or SECOND_LEVEL generate
+    cost <= std_logic_vector(broadcast.best_cost);
+  end generate g_results;
 
   i_scheduler : entity work.mpdcc_scheduler
     generic map (

@@ -123,7 +123,9 @@ entity mpdcc_core is
     deadlock  : out   std_logic;                                   -- '1': no candidate stays inside its bounds
     length    : out   std_logic_vector(LENGTH_WIDTH - 1 downto 0); -- L* of the choice, steps; else 0
     saturated : out   std_logic;                                   -- '1': a value did not fit its word
-    exhausted : out   std_logic                                    -- '1': the budget ended the search
+    exhausted : out   std_logic;                                   -- '1': the budget ended the search
+    -- its cost, from valid until the next start; none if held or deadlock
+    cost : out   std_logic_vector(COST_WIDTH - 1 downto 0) -- J, unsigned, 1/16934400
   );
 end entity mpdcc_core;
 
@@ -233,7 +235,8 @@ begin
       options      => options,
       valid        => valid,
       busy         => busy,
-      decision     => decision
+      decision     => decision,
+      cost         => cost
     );
 
 end architecture rtl;

@@ -77,7 +77,9 @@ entity mptc_core is
     u_next    : out   std_logic_vector(2 downto 0); -- number of the vector to apply next, 0 to 7
     switches  : out   std_logic_vector(2 downto 0); -- its switch states a, b, c; '1': positive rail
     saturated : out   std_logic;                    -- '1': a value did not fit its word, or v_dc is zero
-    clamped   : out   std_logic                     -- '1': MPFC cannot reach torque_ref
+    clamped   : out   std_logic;                    -- '1': MPFC cannot reach torque_ref
+    -- its cost, from valid until the next start; of one vector a period alone
+    cost : out   std_logic_vector(COMPARED_WIDTH - 1 downto 0) -- as it is compared, signed
   );
 end entity mptc_core;
 
@@ -132,6 +134,7 @@ begin
       coefficients  => coefficients,
       method_mpfc   => method_mpfc,
       decision      => decision,
+      cost          => cost,
       family_method => FAMILY_NONE,
       duty_rule     => RULE_DEADBEAT,
       running       => NO_VOLTAGE,

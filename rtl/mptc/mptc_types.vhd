@@ -61,6 +61,12 @@ package mptc_types is
     clamped   : std_logic;                    -- '1': MPFC cannot reach the torque reference
   end record mptc_decision_t;
 
+  -- a cost as it is compared
+
+  constant COMPARED_WIDTH : natural := COST_WIDTH - COST_DROPPED;
+
+  subtype compared_t is std_logic_vector(COMPARED_WIDTH - 1 downto 0);
+
   subtype family_t is std_logic_vector(2 downto 0); -- method of several vectors; bit 2: a flux method
 
   constant FAMILY_NONE  : family_t := "000"; -- one vector: MPTC or MPFC

@@ -51,7 +51,8 @@ entity mptc_vector_stream is
     length       : out   mptc_length_t;                                  -- of a vector's flux, both_duties
     leader       : out   vector_t;                                       -- cheapest vector so far
     cheaper      : out   std_logic;                                      -- '1': what is compared is the cheapest so far
-    number       : out   vector_t                                        -- number of the vector to apply next
+    number       : out   vector_t;                                       -- number of the vector to apply next
+    least        : out   compared_t                                      -- its cost, until the next begin_stream
   );
 end entity mptc_vector_stream;
 
@@ -63,8 +64,6 @@ architecture rtl of mptc_vector_stream is
   constant TERM_CLOCKS : positive := choose(FAMILY, STREAM_TERM_FAMILY, STREAM_TERM);
 
   constant WAY_SHIFT : natural := FRACTION - LENGTH_GUARD; -- bit of a sum that is the LSB of a length
-
-  subtype cost_t is signed(COST_WIDTH - COST_DROPPED - 1 downto 0);
 
   -- 0: no vector; else the vector's number plus 0 at the length, TERM_CLOCKS at the torque term and
   -- STREAM_COMPARE at the comparison
@@ -86,9 +85,9 @@ architecture rtl of mptc_vector_stream is
   signal term_beta     : std_logic; -- '1': a step along beta
   signal term_add      : std_logic; -- '1': alpha's is subtracted
   signal term_subtract : std_logic; -- '1': beta's is subtracted
-  signal cost          : cost_t;
+  signal cost          : signed(compared_t'range);
   signal cost_number   : vector_t;
-  signal best_cost     : cost_t;
+  signal best_cost     : signed(compared_t'range);
   signal best          : vector_t;
   signal better        : std_logic;
   signal fresh         : std_logic;                           -- '1': nothing has been compared
@@ -279,7 +278,7 @@ begin
   cost_number <= std_logic_vector(stream(2 downto 0));
 
   g_single_better : if not FAMILY generate
-    fresh  <= to_std_logic(stream <= STREAM_COMPARE);
+    fresh  <= to_std_logic(stream /= 0 and stream <= STREAM_COMPARE);
     better <= to_std_logic(cost & '0' < best_cost & wins_tie);
   end generate g_single_better;
 
@@ -297,6 +296,7 @@ begin
   cheaper <= better;
 
   leader <= best;
+  least  <= std_logic_vector(best_cost);
 
   winner <= best when better = '0' else
             cost_number;
@@ -308,7 +308,7 @@ begin
   begin
 
     if rising_edge(clk) then
-      if (better = '1') then
+      if (better = '1' and (FAMILY or stream /= 0)) then
         best      <= cost_number;
         best_cost <= cost;
       end if;

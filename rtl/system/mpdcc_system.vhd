@@ -31,6 +31,7 @@ library ieee;
   use ieee.numeric_std.all;
 
 library work;
+  use work.directmpc_constants.cost_width;
   use work.directmpc_math.all;
   use work.directmpc_mpdcc_registers_pkg.all;
   use work.directmpc_system_registers_pkg.all;
@@ -226,6 +227,7 @@ architecture rtl of mpdcc_system is
   signal core_length    : std_logic_vector(5 downto 0);
   signal core_saturated : std_logic;
   signal core_exhausted : std_logic;
+  signal core_cost      : std_logic_vector(COST_WIDTH - 1 downto 0);
   signal own_a          : std_logic_vector(2 downto 0);
   signal own_b          : std_logic_vector(2 downto 0);
   signal own_c          : std_logic_vector(2 downto 0);
@@ -776,7 +778,8 @@ begin
       deadlock                    => core_deadlock,
       length                      => core_length,
       saturated                   => core_saturated,
-      exhausted                   => core_exhausted
+      exhausted                   => core_exhausted,
+      cost                        => core_cost
     );
 
   p_own : process (clk) is
@@ -832,6 +835,7 @@ begin
     step(MPDCC_DEADLOCK) <= core_deadlock;
     step(RECORD_APPLIED_NEXT + 8 downto RECORD_APPLIED_NEXT) <= core_c & core_b & core_a;
     step(MPDCC_EXHAUSTED) <= core_exhausted;
+    step(MPDCC_COST + COST_WIDTH - 1 downto MPDCC_COST) <= core_cost;
 
   end process p_step;
 

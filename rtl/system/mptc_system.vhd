@@ -145,6 +145,7 @@ architecture rtl of mptc_system is
   signal core_switches  : std_logic_vector(2 downto 0);
   signal core_saturated : std_logic;
   signal core_clamped   : std_logic;
+  signal core_cost      : compared_t;
   signal own_u          : std_logic_vector(2 downto 0);
   signal until_u        : std_logic_vector(2 downto 0);
   signal estimated      : std_logic; -- the observer has taken a step
@@ -522,7 +523,8 @@ begin
         u_next                      => core_u,
         switches                    => core_switches,
         saturated                   => core_saturated,
-        clamped                     => core_clamped
+        clamped                     => core_clamped,
+        cost                        => core_cost
       );
 
     sequence_now <= (until_u, until_u, until_u, WHOLE_PERIOD, (others => '0'));
@@ -591,6 +593,7 @@ begin
         switches                    => core_switches,
         saturated                   => core_saturated,
         clamped                     => core_clamped,
+        cost                        => core_cost,
         next_u1                     => chosen.u1,
         next_u2                     => chosen.u2,
         next_u3                     => chosen.u3,
@@ -749,6 +752,7 @@ begin
     step(MPTC_NEXT_T1 + 12 downto MPTC_NEXT_T1) <= decided.t1;
     step(MPTC_NEXT_T2 + 12 downto MPTC_NEXT_T2) <= decided.t2;
     step(MPTC_CLAMPED) <= core_clamped;
+    step(MPTC_COST + COMPARED_WIDTH - 1 downto MPTC_COST) <= core_cost;
 
   end process p_step;
 

@@ -36,7 +36,7 @@ package recorder_format is
 
   -- words before the decision and of it, lowest bit of each quantity: MPDCC
   constant MPDCC_INPUTS : natural := 8;
-  constant MPDCC_RESULTS : natural := 3;
+  constant MPDCC_RESULTS : natural := 4;
   constant MPDCC_IS_ALPHA : natural := 0; -- bits: 16
   constant MPDCC_IS_BETA : natural := 16; -- bits: 16
   constant MPDCC_PSIR_ALPHA : natural := 32; -- bits: 16
@@ -56,6 +56,7 @@ package recorder_format is
   constant MPDCC_HELD : natural := 286; -- bits: 1
   constant MPDCC_DEADLOCK : natural := 287; -- bits: 1
   constant MPDCC_EXHAUSTED : natural := 298; -- bits: 1
+  constant MPDCC_COST : natural := 352; -- bits: 31
 
   -- words before the decision and of it, lowest bit of each quantity: KBEST
   constant KBEST_INPUTS : natural := 7;
@@ -79,7 +80,7 @@ package recorder_format is
 
   -- words before the decision and of it, lowest bit of each quantity: MPTC
   constant MPTC_INPUTS : natural := 6;
-  constant MPTC_RESULTS : natural := 4;
+  constant MPTC_RESULTS : natural := 5;
   constant MPTC_IS_ALPHA : natural := 0; -- bits: 16
   constant MPTC_IS_BETA : natural := 16; -- bits: 16
   constant MPTC_PSIS_ALPHA : natural := 32; -- bits: 16
@@ -94,6 +95,7 @@ package recorder_format is
   constant MPTC_CLAMPED : natural := 298; -- bits: 1
   constant MPTC_NEXT_T1 : natural := 352; -- bits: 13
   constant MPTC_NEXT_T2 : natural := 368; -- bits: 13
+  constant MPTC_COST : natural := 384; -- bits: 28
 
   -- upper bits of the addresses of its registers, and the others of each
   constant RECORDER_BLOCK : std_logic_vector(9 downto 7) := "111";

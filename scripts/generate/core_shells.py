@@ -316,6 +316,11 @@ Considered and rejected: rtl/alternatives.md.""",
             record="decision",
             kind="decision_t",
         ),
+        Group(
+            "its cost, from valid until the next start; none if held or deadlock",
+            (Port("cost", "COST_WIDTH - 1", f"J, unsigned, 1/{f.COST_UNIT}"),),
+            output=True,
+        ),
     ),
 )
 
@@ -364,6 +369,11 @@ _MPTC_INPUTS = (
         kind="mptc_coefficients_t",
     ),
     Group("", (Port("method_mpfc", "", "'1': MPFC, '0': MPTC; sampled with start"),)),
+)
+_MPTC_COST = Group(
+    "its cost, from valid until the next start; of one vector a period alone",
+    (Port("cost", "COMPARED_WIDTH - 1", "as it is compared, signed"),),
+    output=True,
 )
 _MPTC_DECISION = (
     Group(
@@ -418,7 +428,7 @@ mptc_family_core has MPTC1, MPTC2 and GTV, which apply two vectors a period, too
 Considered and rejected: rtl/alternatives.md.""",
     packages=("mptc_constants", "mptc_types"),
     generics=(("FLUX_CONTROL", "boolean", "true", "true: MPFC can be chosen at run time"),),
-    groups=(*_MPTC_INPUTS, *_MPTC_DECISION),
+    groups=(*_MPTC_INPUTS, *_MPTC_DECISION, _MPTC_COST),
     fixed=(("FAMILY", "false"),),
     tied=(
         ("family_method", "FAMILY_NONE"),
@@ -503,6 +513,7 @@ Considered and rejected: rtl/alternatives.md.""",
             record="chosen",
             kind="mptc_sequence_t",
         ),
+        _MPTC_COST,
     ),
     fixed=(("FLUX_CONTROL", "true"), ("FAMILY", "true")),
 )

@@ -105,7 +105,8 @@ begin
       deadlock                    => open,
       length                      => open,
       saturated                   => open,
-      exhausted                   => open
+      exhausted                   => open,
+      cost                        => open
     );
 
   p_decision : process (clk) is

@@ -26,6 +26,7 @@ from directmpc.mpdcc import formats as mpdcc_formats
 from directmpc.mpdcc import trace as mpdcc_trace
 from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc import trace as mptc_trace
+from directmpc.mptc.coefficients import cost_unit
 
 #: Words that a record has room for; its address is the step's with four bits behind it.
 STRIDE = 16
@@ -85,6 +86,7 @@ FIELDS: dict[str, tuple[Field, ...]] = {
         Field("held", RESULTS_AT, 30, 1),
         Field("deadlock", RESULTS_AT, 31, 1),
         Field("exhausted", RESULTS_AT + 1, 10, 1),
+        Field("cost", RESULTS_AT + 3, 0, mpdcc_formats.COST_WIDTH),
     ),
     "kbest": (
         *_SEEN,
@@ -117,6 +119,7 @@ FIELDS: dict[str, tuple[Field, ...]] = {
             RESULTS_AT + 3,
             [(f"next_t{n}", mptc_formats.TIME_PORT_WIDTH, False) for n in (1, 2)],
         ),
+        Field("cost", RESULTS_AT + 4, 0, mptc_formats.COST_WIDTH - mptc_formats.COST_DROPPED, True),
     ),
 }
 """Controller -> fields of its records. `applied` and `applied_next` are three numbers of 3 bits:
@@ -394,13 +397,23 @@ class Recording:
         times = (f[name] for name in (f"{prefix}t1", f"{prefix}t2") if name in f)
         return kind_of(self.drive).applied(self.drive, [*_three(f[place]).T, *times], prefix)
 
+    def _cost(self) -> NDArray[Any]:
+        """J of MPDCC, N m of MPTC; NaN where there is none."""
+        f, drive = self.fields, self.drive
+        if "held" in f:
+            none = (f["held"] | f["deadlock"]) == 1
+            return np.where(none, math.nan, f["cost"] / mpdcc_formats.COST_UNIT)
+        # MPFC's are differences of squares
+        return f["cost"] * (cost_unit(drive) if drive.control.method == "MPTC" else math.nan)
+
     @property
     def columns(self) -> dict[str, NDArray[Any]]:
         """All of it by name, in the units of the drive file.
 
         `step` and `time` (s, 0 at the trigger, else at the first step); the trace's columns;
         `next_` before the decision's, as a simulation's table has them; `cycles`, `gates` and
-        `faults` (words, bits as in the registers), `leakage` (MPDCC).
+        `faults` (words, bits as in the registers), `leakage` (MPDCC); `cost`, NaN where there is
+        none: J of MPDCC, N m of MPTC.
         """
         f, steps, kind = self.fields, self.steps, kind_of(self.drive)
         zero = steps[self.trigger or 0] if len(self) else 0
@@ -412,6 +425,8 @@ class Recording:
         found |= self._applied("", "applied")
         if "leakage" in f:
             found["leakage"] = f["leakage"] / 2**16
+        if "cost" in f:
+            found["cost"] = self._cost()
         found |= self._applied("next_", "applied_next")
         found |= {f"next_{name}": f[name] for name in kind.flags}
         return found | {name: f[name] for name in ("cycles", "gates", "faults")}
@@ -428,15 +443,16 @@ class Recording:
         kind_of(self.drive).write_decisions(path, self.decisions)
 
     def write_table(self, path: str | os.PathLike[str]) -> None:
-        """Write all columns as CSV. Nothing is left behind a TraceError."""
+        """Write all columns as CSV, NaN as an empty field. Nothing is left behind a TraceError."""
         columns = self.columns
-        rows = zip(*(map(repr, c.tolist()) for c in columns.values()), strict=True)
-        write_table(path, list(columns), [list(row) for row in rows])
+        rows = zip(*(c.tolist() for c in columns.values()), strict=True)
+        write_table(path, list(columns), [["" if x != x else repr(x) for x in row] for row in rows])
 
 
 def read_recording(drive: AnyDrive, path: os.PathLike[str]) -> dict[str, FloatArray]:
     """Columns of a file of `Recording.write_table`. TraceError if it is malformed."""
     none = np.zeros((0, STRIDE), dtype=np.int64)
     names = list(Recording(drive, unpack(drive.controller, none)).columns)
-    table = read_table(path, [Column(name) for name in names])
-    return {name: floats(table, [name])[:, 0] for name in names}
+    table = read_table(path, [Column(name, may_be_empty=name == "cost") for name in names])
+    found = {name: [field or "nan" for field in table[name]] for name in names}
+    return {name: floats(found, [name])[:, 0] for name in names}

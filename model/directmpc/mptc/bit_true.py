@@ -331,10 +331,17 @@ def vector_cost(c, o, level, along, across, j):
 
 @njit
 def decide_words(register, m, u):
+    """As `weigh_words`, without the cost."""
+    return weigh_words(register, m, u)[:3]
+
+
+@njit
+def weigh_words(register, m, u):
     """One decision (Paper B, eqs. 4, 5, 11, 14 and 15; MPFC: eqs. 18 to 21).
 
     `m` (8,) in the order of ``formats.MEASUREMENTS``; gives u (0 to 7), saturated, clamped (the
-    arcsine's argument).
+    arcsine's argument), and the vector's cost as it is compared (MPFC: less what all have in
+    common).
     """
     c = words(register)
     o = outlook(c, m, VECTOR_ALPHA[u] << (_FRACTION - 2), VECTOR_BETA[u] << (_FRACTION - 1))
@@ -363,7 +370,7 @@ def decide_words(register, m, u):
         number = zero if j == 0 else j
         if n == 1 or cost < best_cost or (cost == best_cost and number < best):
             best, best_cost = number, cost
-    return best, saturated, clamped
+    return best, saturated, clamped, best_cost
 
 
 @njit

@@ -213,3 +213,9 @@ def registers(drive: MptcDrive) -> Registers:
         torque_unit=per_rotor * rotor,
         rotor_unit=rotor,
     )
+
+
+def cost_unit(drive: MptcDrive) -> float:
+    """LSB of a cost of MPTC as it is compared, N m; ValueError as `registers`."""
+    shift = f.COST_DROPPED - f.COST_SHIFT - f.TORQUE_FRACTION
+    return registers(drive).torque_unit * 2.0**shift

@@ -487,7 +487,7 @@ class Live(threading.Thread):
             "gates": answer.gates,
             "running": running,
         }
-        row["leakage"] = math.nan  # no reply has it
+        row |= {"leakage": math.nan, "cost": math.nan}  # no reply has them
         columns = self.record.signals.columns
         self.record.append(np.array([[row[name] for name in columns]], np.float64))
         self._gates = answer.gates

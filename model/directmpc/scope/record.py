@@ -142,7 +142,7 @@ def _filled(drive: AnyDrive, columns: Mapping[str, NDArray[Any]]) -> Record:
     """A record of columns; what is missing is as the drive has it, or 0, and the gates are on."""
     count = len(next(iter(columns.values())))
     record = Record(drive, max(count, 1))
-    usual: dict[str, float] = {"running": 1.0, "v_dc": drive.inverter.vdc, "leakage": 1.0}
+    usual = {"running": 1.0, "v_dc": drive.inverter.vdc, "leakage": 1.0, "cost": math.nan}
     for name in ("bound_current", "bound_vn", "bound_vph"):
         usual[name] = getattr(drive.control, name, 0.0)
     record.append(
@@ -278,7 +278,8 @@ def _trace(record: Record, first: int, last: int, path: Path) -> None:
 
 
 def _decisions(record: Record, first: int, last: int, path: Path) -> None:
-    t: dict[str, Any] = {n: c.astype(np.int64) for n, c in record.table(first, last).items()}
+    table = record.table(first, last)  # NaN: nobody knows it
+    t: dict[str, Any] = {n: np.nan_to_num(c).astype(np.int64) for n, c in table.items()}
     if not t["cycles"].all():
         t["cycles"] = None
     kind = kind_of(record.drive)

@@ -28,7 +28,7 @@ Table = Mapping[str, FloatArray]
 PHASES = "abc"
 
 #: What a board says beside the decision.
-BOARD = ("cycles", "faults", "gates", "running")
+BOARD = ("cycles", "faults", "gates", "running", "cost")
 _STATE = ("is_alpha", "is_beta", "psir_alpha", "psir_beta", "v_n", "v_ph_a", "v_ph_b", "v_ph_c")
 FIVE_TRACE = (
     *_STATE, "iref_alpha", "iref_beta", "omega_s", "omega_r", "s_a", "s_b", "s_c", "v_dc",
@@ -152,6 +152,8 @@ class Signals:
             Channel("u", "vector", "positions", style="step"),
         ]
         found += [Channel(f"level_{x}", f"leg {x}", "levels", style="step") for x in PHASES]
+        if c.method == "MPTC":
+            found.append(Channel("cost", "cost", "costs", torque, "step"))
         found.append(Channel("margin", "margin of the choice", "costs", style="step"))
         found += [Channel(name, name, "flags", style="step") for name in ("saturated", "clamped")]
         return found + self._of_board()
@@ -171,6 +173,8 @@ class Signals:
         same = ("omega_r", "running", "cycles", "faults", "v_dc", "leakage")
         found |= {name: table[name] for name in same if name in table}
         found |= (self._of_five if self.five else self._of_two)(table, current, turn)
+        if np.isfinite(table["cost"]).any():  # a recorder's
+            found["cost"] = table["cost"]
         return np.array([found[c.key] for c in self.channels], np.float32)
 
     def _of_five(self, t: Table, current: NDArray[Any], turn: NDArray[Any]) -> dict[str, Any]:
@@ -224,15 +228,17 @@ class Signals:
         found["torque"] = 1.5 * self.drive.machine.pole_pairs * (flux.conj() * current).imag
         found |= dict(zip((f"level_{x}" for x in PHASES), STATES[vector].T, strict=True))
         found |= {name: t[f"next_{name}"] for name in ("saturated", "clamped")}
-        margin = np.full(len(vector), math.nan)
+        margin, least = np.full((2, len(vector)), math.nan)
         if not self.drive.control.sequences:
             parameters = mptc_ideal.ideal_parameters(self.drive)
             for k in range(len(vector)):
-                margin[k] = mptc_ideal.margin(
+                cost, _ = mptc_ideal.costs(
                     parameters, current[k], flux[k], t["omega_r"][k], int(t["u"][k]),
                     t["v_dc"][k], t["torque_ref"][k], t["psi_ref"][k],
                 )  # fmt: skip
-        found["margin"] = margin
+                cost.sort()
+                margin[k], least[k] = cost[1] - cost[0], cost[0]
+        found |= {"margin": margin, "cost": least}
         return found
 
 

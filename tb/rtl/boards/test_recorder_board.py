@@ -4,7 +4,8 @@ Stimulus: the virtual board of each controller in lock-step with a plant, gates 
 beyond the guard's limit.
 Checks: the board trips and its recording stops at that step; trace and decisions of the host's
 command are decided again by model, GHDL and native library bit for bit, by the ideal controller
-nearly so.
+nearly so; each decision's cost is that of the model; a board without a recorder has the same
+replies, decisions in as many clocks.
 Does not prove: the recorder's triggers, see rtl/system/recorder.
 """
 
@@ -18,12 +19,16 @@ import numpy as np
 import pytest
 
 from directmpc import simulate
-from directmpc.api.drive_file import load_drive
+from directmpc.api.drive_file import AnyDrive, load_drive
 from directmpc.host import __main__ as commands
-from directmpc.host.board import Board, TrippedError
+from directmpc.host.board import Board, Reply, TrippedError
 from directmpc.host.recorder import Recording
 from directmpc.kbest.drive import KbestDrive
+from directmpc.mpdcc import formats as mpdcc_formats
+from directmpc.mpdcc.bit_true import fast
 from directmpc.mpdcc.variants import VARIANTS
+from directmpc.mptc import bit_true, coefficients
+from directmpc.mptc import formats as mptc_formats
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sequence import VectorSequence
 from directmpc.native import library
@@ -43,16 +48,26 @@ DRIVES = {
 """A drive of each controller, and rows of the ring; K-best's plan wants the run from its start."""
 
 
-def run(board: Board, rows: list[dict[str, float]]) -> None:
-    """Step through all rows; what is applied is what the board has decided."""
-    applied: dict[str, int] = {}
-    for row in rows:
-        decided = board.step(row | applied).apply
-        assert not isinstance(decided, VectorSequence)
-        legs = ("s_a", "s_b", "s_c")
-        applied = (
-            {"u": decided} if isinstance(decided, int) else dict(zip(legs, decided, strict=True))
-        )
+def run(board: Board, drive: AnyDrive, rows: list[dict[str, float]]) -> list[Reply]:
+    """Replies until it trips; what is applied is what the board has decided."""
+    replies: list[Reply] = []
+
+    def _rest() -> None:
+        applied: dict[str, int] = {}
+        for row in rows:
+            replies.append(board.step(row | applied))
+            decided = replies[-1].apply
+            assert not isinstance(decided, VectorSequence)
+            if isinstance(decided, int):
+                applied = {"u": decided}
+            else:
+                applied = dict(zip(("s_a", "s_b", "s_c"), decided, strict=True))
+
+    board.load(drive)
+    board.start()
+    with pytest.raises(TrippedError, match="over_current"):
+        _rest()
+    return replies
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -69,6 +84,8 @@ class Rig:
     trace: Path
     decisions: Path
     recording: Recording
+    rows: list[dict[str, float]]  # Stimulus
+    replies: list[Reply]
 
 
 @pytest.fixture(scope="module", params=DRIVES)
@@ -89,19 +106,16 @@ def rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     with VirtualBoard(generics(request.param, recorder=size), folder / "board"):
         port = str(folder / "board")
         with Board(port, timeout=20) as board:
-            board.load(drive)
             board.arm_recorder()
-            board.start()
-            with pytest.raises(TrippedError, match="over_current"):
-                run(board, rows)
+            replies = run(board, drive, rows)
             status = board.recorder_status()
             assert (status.recording, status.cause) == (False, ("fault",))
             recording = board.recording()
             last = board.recording(last=20)
         for name, column in last.columns.items():
             if name not in ("step", "time"):
-                assert np.array_equal(column, recording.columns[name][-20:]), name
-        found = Rig(path, folder / "trace.csv", folder / "rig.csv", recording)
+                assert np.array_equal(column, recording.columns[name][-20:], equal_nan=True), name
+        found = Rig(path, folder / "trace.csv", folder / "rig.csv", recording, rows, replies)
         command = ["--port", port, "--timeout", "20", "record", str(path)]
         command += ["--trace", str(found.trace), "--decisions", str(found.decisions)]
         assert commands.main(command) == 0
@@ -118,6 +132,39 @@ def test_the_steps_before_a_trip_are_read(rig: Rig) -> None:
     assert np.array_equal(np.diff(recording.steps), np.ones(last))
     link = recording.columns["v_dc"]
     assert link[-1] == pytest.approx(0.9 * link[0], rel=1e-4)
+
+
+@pytest.mark.parametrize("rig", ["mptc", "mpdcc"], indirect=True)
+def test_a_board_without_a_recorder_does_the_same(rig: Rig, tmp_path: Path) -> None:
+    drive = load_drive(rig.drive)
+    with (
+        VirtualBoard(generics(drive.controller), tmp_path / "board"),
+        Board(str(tmp_path / "board"), timeout=20) as board,
+    ):
+        assert run(board, drive, rig.rows) == rig.replies
+    cycles = [reply.cycles for reply in rig.replies]
+    recorded = rig.recording.columns["cycles"][:-1].tolist()
+    assert cycles[-len(recorded) :] == recorded
+
+
+@pytest.mark.parametrize("rig", ["mptc", "mpdcc"], indirect=True)
+def test_the_cost_is_that_of_the_model(rig: Rig) -> None:
+    fields, drive = rig.recording.fields, load_drive(rig.drive)
+    applied = np.column_stack([fields["applied"] >> 3 * n & 7 for n in range(3)])
+    if isinstance(drive, MptcDrive):
+        seen = np.column_stack([fields[name] for name in mptc_formats.MEASUREMENTS])
+        values = coefficients.registers(drive).array()
+        wanted = [
+            bit_true.weigh_words(values, m, u)[3] for m, u in zip(seen, applied[:, 0], strict=True)
+        ]
+    else:
+        seen = np.column_stack([fields[name] for name in mpdcc_formats.MEASUREMENTS])
+        values = VARIANTS["fast"].registers(drive).array()
+        wanted = [fast.cost_words(values, m, s) for m, s in zip(seen, applied, strict=True)]
+    known = np.isfinite(rig.recording.columns["cost"])
+    assert known.sum() > 1  # most steps of MPDCC keep what is applied
+    assert np.array_equal(known, np.array(wanted) >= 0)
+    assert np.array_equal(fields["cost"][known], np.array(wanted)[known])
 
 
 @pytest.mark.parametrize(

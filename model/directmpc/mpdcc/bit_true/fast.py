@@ -493,9 +493,9 @@ def search(
 
     The rule's parts have the arguments of ``length_inside``, ``least_excess`` and ``no_surcharge``.
     A caller is compiled for its own, so that they cost nothing; it must be compiled itself. `order`
-    (64, 5) is filled with s1, L1 and effort of every node in turn, `record` is for `better`. Gives
-    s_a, s_b, s_c, held, deadlock, L* in steps (L1 for SESE), saturated, exhausted, and the rows of
-    `order` that are filled.
+    (64, 5) is filled with s1, L1 and effort of every node in turn, `record` is for `better`; its
+    last is J of the choice. Gives s_a, s_b, s_c, held, deadlock, L* in steps (L1 for SESE),
+    saturated, exhausted, and the rows of `order` that are filled.
     """
     o = options(register)
     results, t, root = _root(register, measurement)
@@ -615,7 +615,8 @@ def search(
                 deep[:] = entry[0:3]
     if deep_cost >= 0:
         best[:] = deep
-        best_length, best_saturated = deep_length, deep_saturated
+        best_cost, best_length, best_saturated = deep_cost, deep_length, deep_saturated
+    record[-1] = best_cost
     flag = int(saturated or best_saturated)
     return best[0], best[1], best[2], 0, 0, best_length, flag, exhausted, looked_at
 
@@ -626,7 +627,20 @@ def search_words(register, measurement, s_prev, order):
 
     Arguments and result as ``search``.
     """
-    record = np.zeros(8, dtype=np.int64)
+    return _searched(register, measurement, s_prev, order, np.zeros(8, dtype=np.int64))
+
+
+@njit
+def cost_words(register, measurement, s_prev):
+    """J of a decision in 1/COST_UNIT; -1 where s(k-1) is kept, and in a deadlock."""
+    record = np.full(8, -1, dtype=np.int64)
+    order = np.empty((CANDIDATES, 5), dtype=np.int64)
+    _searched(register, measurement, s_prev, order, record)
+    return record[-1]
+
+
+@njit
+def _searched(register, measurement, s_prev, order, record):
     o = options(register)
     row = register[_FIRST_ROW]
     a, b, c, held, deadlock, length, saturated, exhausted, looked_at = search(

@@ -25,6 +25,7 @@ import numpy as np
 import pytest
 
 from directmpc.mpdcc import formats as f
+from directmpc.mpdcc.bit_true.fast import cost_words
 from directmpc.mpdcc.coefficients import INDEX
 from directmpc.mpdcc.program import COEFFICIENTS
 from directmpc.mpdcc.variants import VARIANTS
@@ -142,6 +143,12 @@ def test_the_netlist_decides_alike(
     generics = generics_of(explorers, variant, second)
     result = run(rows, generics, expected, OUTPUTS)
     assert result.checked == len(rows)
+    if variant == "fast" and not second:
+        chooses = (expected[:, 3] | expected[:, 4]) == 0
+        words = zip(rows.registers, rows.measurements, rows.s_prev, strict=True)
+        costs = np.array([cost_words(*one) for one in words])
+        assert chooses.sum() > 50
+        assert np.array_equal(np.array(result.outputs["cost"])[chooses], costs[chooses])
     assert not result.mismatches, result.mismatches[:5]
     cycles = np.array(result.cycles)
     assert set(cycles[expected[:, 3] == 1]) == {HELD[variant]}

@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from directmpc.mptc import bit_true
 from directmpc.mptc.sequence import TIME_STEPS
 from scripts.hdl import conversion as netlist
 from scripts.hdl import mptc_simulation as rtl_simulation
@@ -101,7 +102,8 @@ def _netlist(rows: core.Rows, flux_control: bool) -> netlist_check.Result:
     found = netlist_check.ports_of(netlist.cached("mptc_core", generics), "mptc_core")
     held = tuple(name for name in found.inputs if name.startswith("c_"))
     inputs = core_inputs(rows)
-    wanted = rows.expected()
+    words = zip(rows.registers, rows.measurements, rows.u, strict=True)
+    wanted = np.array([bit_true.weigh_words(*one) for one in words])
     return netlist_check.check(
         "mptc_core",
         generics,
@@ -111,6 +113,7 @@ def _netlist(rows: core.Rows, flux_control: bool) -> netlist_check.Result:
             "saturated": wanted[:, 1],
             "clamped": wanted[:, 2],
             "switches": core.SWITCHES[wanted[:, 0]],
+            "cost": wanted[:, 3],
         },
         rows.cycles().tolist(),
         ports=netlist_check.Ports(found.inputs, found.outputs, held),
