@@ -7,6 +7,7 @@ import math
 import sys
 import threading
 import webbrowser
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -122,19 +123,25 @@ def _board(
 ) -> tuple[AnyDrive, Record, Live, str]:
     """A board with its rig; it is turned off when the stack is left."""
     _imported()
-    from directmpc.scope.live import Live
+    from directmpc.scope.live import Live, compiled
 
     device = None
     if source == VIRTUAL:
         drive = load_drive(given.drive or DEFAULTS["mpdcc"])
-        with busy("virtual board: building, a minute the first time"):
-            device = Device(drive.controller)
+        record = Record(drive)
+        with (
+            busy("virtual board: building, a minute the first time"),
+            ThreadPoolExecutor(1) as pool,
+        ):
+            building = pool.submit(Device, drive.controller)
+            compiled(drive, record)  # meanwhile, since both take a while
+            device = building.result()
         board = stack.enter_context(Board(Link(SpiStream(device))))
     else:
         real_time = bool(given.real_time)
         board = stack.enter_context(Board(source, real_time=real_time, baud=given.baud))
         drive = load_drive(given.drive or DEFAULTS[board.controller])
-    record = Record(drive)
+        record = Record(drive)
     with busy("scope: compiling, half a minute the first time"):
         live = Live(board, drive, record, device, PACE if device else math.inf)
     live.start()

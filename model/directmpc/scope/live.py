@@ -79,6 +79,12 @@ class Tap(Link):
         return reply
 
 
+def compiled(drive: AnyDrive, record: Record) -> None:
+    """Have everything compiled that a step needs."""
+    rig_of(drive).state()
+    record.signals.values({name: np.zeros(1) for name in record.signals.columns})
+
+
 class Live(threading.Thread):
     """A board, the rig that it controls, and the record of both.
 
@@ -126,9 +132,7 @@ class Live(threading.Thread):
         registers = registers_of(drive.controller)
         self._own = [at for name, (at, _) in registers.items() if name.startswith("recorder.")]
         self._loaded: dict[str, int] = {}
-        # compiled before a watchdog runs
-        self._rig.state()
-        record.signals.values({name: np.zeros(1) for name in record.signals.columns})
+        compiled(drive, record)  # before a watchdog runs
 
     # ---- orders, from any thread ----
 
