@@ -475,6 +475,14 @@ def luts(*builds: tuple[str, str]) -> tuple[str, ...]:
     return tuple(f"{budgets.load().resources[name][family]['lut']:,}" for name, family in builds)
 
 
+def recorder_takes(system: str) -> tuple[str, ...]:
+    """LUTs and flip-flops by which a system grows with a recorder of 256 steps."""
+    bare, whole = (
+        budgets.load().resources[name]["ecp5"] for name in (system, f"{system}-recorder_rows_256")
+    )
+    return tuple(str(whole[figure] - bare[figure]) for figure in ("lut", "ff"))
+
+
 ONE = "mpdcc_core-explorers_1-"
 PLAIN = f"{ONE}folded_false"
 
@@ -606,6 +614,11 @@ SAID: dict[str, list[Said]] = {
             (KIT_PLAIN, "xc3s"), (KIT_PLAIN, "xc7"))),
         ("it is {} and {}: this build fits", lambda: luts(
             (KIT_PAPER, "xc3s"), (KIT_PAPER, "xc7"))),
+    ],
+    "docs/recorder.md": [
+        ("`mptc_system` grows by {} LUTs and {} flip-flops on an ECP5, `mpdcc_system` by {} LUTs "
+         "and {} flip-flops (Yosys), each by 8 block RAMs",
+         lambda: (*recorder_takes("mptc_system"), *recorder_takes("mpdcc_system"))),
     ],
     "reports/bounds.md": [
         ("the 6 kV drive alone, rated speed, bounds of {} to {} pu, means of eight starts of {}",
