@@ -2,7 +2,8 @@
 
 Stimulus: six steps a period on the drive of the comparison, as if another simulation had made them.
 Checks: a run that is the plant's is measured, one that is not is refused; MPDCC switches as often
-as it is asked to; a folder that is no clone is refused in one line.
+as it is asked to; a folder that is no clone is refused in one line; the page has every run, and
+MPDCC is better than PWM in each and worse than a direct controller in some.
 Does not prove: the figures of Soft4PES, which has to be there for them.
 """
 
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 
 from scripts.__main__ import main
+from scripts.shared import tables
 from scripts.shared.tools import ToolError
 from scripts.studies import soft4pes
 
@@ -73,3 +75,19 @@ def test_what_is_no_clone_is_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
         main(["soft4pes", str(tmp_path)])
     (line,) = capsys.readouterr().err.splitlines()
     assert f"is no clone of Soft4PES whose commit {soft4pes.COMMIT} is checked out" in line
+
+
+def test_the_page_has_every_run() -> None:
+    page = soft4pes.PAGE.read_text(encoding="utf-8")
+    table = tables.inside(page, soft4pes.BEGIN, soft4pes.END)
+    rows = [row.strip("| ").split(" | ") for row in table.splitlines() if row.startswith("| ")][2:]
+    runs = len(soft4pes.CARRIERS) * 2 + sum(len(weights) for weights in soft4pes.WEIGHTS.values())
+    assert len(rows) == runs
+    assert all(len(row) == len(soft4pes.HEAD) for row in rows)
+    switched = [[int(row[column]) for column in (1, 4, 7)] for row in rows]
+    assert switched == sorted(switched)
+    assert all(0.85 < other / own < 1.15 for own, *others in switched for other in others)
+    # in % of the current: Soft4PES, SE, SESE
+    both = [(row[0], *(float(row[column].rstrip(" %")) for column in (2, 5, 8))) for row in rows]
+    assert all(max(se, sese) < own for name, own, se, sese in both if name.startswith("FOC"))
+    assert any(own < min(se, sese) for name, own, se, sese in both if name.startswith("direct"))

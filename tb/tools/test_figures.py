@@ -196,6 +196,7 @@ ELSEWHERE = {
     "reports/mutation.md": ("tb/tools/test_mutation.py::test_the_page_has_what_is_kept",),
     "docs/positions.md": ("tb/tools/test_documents.py::test_the_positions_are_the_inverters",),
     "reports/proofs.md": ("tb/proofs/test_proofs.py::test_the_page_has_every_property",),
+    "reports/soft4pes.md": ("tb/model/test_soft4pes.py::test_the_page_has_every_run",),
     "docs/safety.md": (
         "tb/tools/test_safety.py::test_every_promise_has_what_it_names",
         "tb/tools/test_safety.py::test_every_time_has_its_source",

@@ -108,6 +108,7 @@ def test_three_levels_are_smaller_and_sooner_done() -> None:
     assert three <= 0.75 * five
     assert int(core["npc3l"]["candidates"]) == 27
     assert int(core["npc3l"]["clocks of a search, at most"]) <= 80
+    assert float(core["npc3l"]["MHz on ECP5-6"]) >= 100
     assert all(float(core[name]["unlike ideal"]) <= 0.25 for name in tables.NAMES)
 
 
