@@ -128,7 +128,7 @@ def _harness(top: str, ports: Ports) -> str:
         offset += (width + 31) // 32
     outputs = offset
     body = "\n    "
-    return f"""// Generated: drives {top} as its callers do.
+    head = f"""// Generated: drives {top} as its callers do.
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -157,7 +157,12 @@ static void scramble() {{
 static void sample() {{
     {body.join(sample)}
 }}
-// Inputs settle with the clock low; what an edge samples is read just before it.
+"""
+    if "rst" in ports.inputs:
+        return head + _clocked(inputs, outputs)
+    return (
+        head
+        + f"""// Inputs settle with the clock low; what an edge samples is read just before it.
 static inline bool settle() {{ m->clk = 0; m->eval(); return m->valid; }}
 static inline void edge() {{ m->clk = 1; m->eval(); edges++; }}
 
@@ -173,10 +178,10 @@ int main(int argc, char **argv) {{
     for (int i = 0; i < 4; i++) {{ scramble(); settle(); edge(); }}
     m->rst = 0;
     while ({
-        "fread(in, 4, " + str(inputs) + ", stdin) == " + str(inputs)
-        if inputs
-        else "fread(noise, 4, 1, stdin) == 1"
-    }) {{
+            "fread(in, 4, " + str(inputs) + ", stdin) == " + str(inputs)
+            if inputs
+            else "fread(noise, 4, 1, stdin) == 1"
+        }) {{
         for (unsigned i = gap ? draw() % (gap + 1) : 0; i; i--) {{
             scramble();
             if (settle()) {{ fprintf(stderr, "valid while idle\\n"); return 3; }}
@@ -200,6 +205,31 @@ int main(int argc, char **argv) {{
         out[1] = (uint32_t)edges;
         fwrite(out, 4, {outputs}, stdout);
         if (interactive) fflush(stdout);
+    }}
+    fflush(stdout);
+    m->final();
+    delete m;
+    return 0;
+}}
+"""
+    )
+
+
+def _clocked(inputs: int, outputs: int) -> str:
+    """Main of an entity without transactions: a row is a clock, outputs are before its edge."""
+    return f"""int main(int argc, char **argv) {{
+    Verilated::commandArgs(argc, argv);
+    m = new Vcore;
+    while (fread(in, 4, {inputs}, stdin) == {inputs}) {{
+        show();
+        m->clk = 0;
+        m->eval();
+        sample();
+        m->clk = 1;
+        m->eval();
+        out[0] = 1;
+        out[1] = (uint32_t)++edges;
+        fwrite(out, 4, {outputs}, stdout);
     }}
     fflush(stdout);
     m->final();

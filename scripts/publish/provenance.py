@@ -23,7 +23,7 @@ from scripts.publish import kept
 from scripts.shared import cache, tools
 from scripts.shared.tools import ROOT
 from scripts.studies import upsets
-from scripts.studies.coverage import goals
+from scripts.studies.coverage import goals, rtl
 from scripts.studies.torture import run as torture
 
 
@@ -85,7 +85,7 @@ def _coverage() -> Iterable[Figure]:
     data = {
         "functional": (goals.GOALS, *_drives()),
         "python": (goals.GOALS, *_tests(), *(ROOT / "model" / "directmpc").rglob("*.py")),
-        "rtl": (goals.GOALS, *_rtl("board_top", "mptc_drive", "mptc_family_core")),
+        "rtl": (goals.GOALS, *_rtl(*(top for top, _, _ in rtl.RUNS.values()))),
         "mapped": _rtl("mptc_core", "mpdcc_core"),
     }
     modules = {part: f"scripts.studies.coverage.{part}" for part in goals.PARTS}

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from directmpc.host.safe_torque_off import SafeTorqueOff
 from scripts.commands.coverage import cli
 from scripts.hdl import conversion, coverage, netlist_check, sources
 from scripts.shared.tools import ToolError
@@ -175,6 +176,19 @@ def test_vectors_are_seen_in_a_netlist(tmp_path: Path) -> None:
     assert goals.percent(many.of_conditions()) == 100
     assert goals.percent(many.of_bits()) >= 85
     assert goals.percent(one.of_bits()) < 70
+
+
+def test_every_clock_of_two_channels_is_seen_and_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = goals.shares(rtl.measure("safe_torque_off"))
+    least = goals.read().rtl
+    for entity, one in found.items():
+        reached = [goals.percent(one[what]) for what in ("conditions", "bits")]
+        assert min(np.subtract(reached, least[entity])) >= 0.0, entity
+    monkeypatch.setattr(
+        SafeTorqueOff, "permit", property(lambda _: 0, lambda *_: None), raising=False
+    )
+    with pytest.raises(ToolError, match=r"safe_torque_off: transaction .*: permit is 0x1, not 0x0"):
+        rtl.measure("safe_torque_off")
 
 
 def test_decisions_do_what_the_goals_name() -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from directmpc.host.safe_torque_off import SafeTorqueOff
 from directmpc.mpdcc import formats as f
 from directmpc.mpdcc.bit_true import fast
 from directmpc.mpdcc.coefficients import BUILT, INDEX
@@ -214,12 +215,38 @@ def _family(netlist: Path, folder: Path) -> None:
     _compared("mptc_family_core", {}, netlist, folder, inputs, expected, held)
 
 
+CHANNELS: Generics = {"FILTER": 4, "DISCREPANCY": 9}
+
+
+def _two_channels(netlist: Path, folder: Path) -> None:
+    """`safe_torque_off`: levels of every length, together and alone, in every clock."""
+    rng = np.random.default_rng(6)
+    reached = SafeTorqueOff(CHANNELS["FILTER"], CHANNELS["DISCREPANCY"])
+    levels = [np.repeat(rng.integers(0, 4), rng.integers(1, 20)) for _ in range(1000)]
+    inputs = {"channels": np.concatenate([[0] * 4, *levels])}
+    inputs["clear"] = rng.random(len(inputs["channels"])) < 0.1
+    inputs["rst"] = rng.random(len(inputs["channels"])) < 0.002
+    inputs["rst"][:4] = True
+    told = []
+    for channels, clear, rst in zip(*inputs.values(), strict=True):
+        told.append((reached.permit, reached.fault))
+        reached.clock((channels & 1, channels >> 1), clear=clear, rst=rst)
+    expected = {name: np.array(told)[:, i] for i, name in enumerate(("permit", "fault"))}
+    ports = netlist_check.ports_of(netlist, "safe_torque_off", ("clk",))
+    result = netlist_check.check(
+        "safe_torque_off", CHANNELS, inputs, expected, ports=ports, verilog=netlist, folder=folder
+    )
+    if result.mismatches:
+        raise ToolError(f"safe_torque_off: {result.mismatches[0]}")
+
+
 #: Name -> entity, generics, what drives it.
 RUNS: dict[str, tuple[str, Generics, Vectors]] = {
     "mptc_drive": ("mptc_drive", dict(mptc_drive_loop.GENERICS), _joined_drive),
     "mptc_family_core": ("mptc_family_core", {}, _family),
     "mpdcc_core, paper": ("mpdcc_core", PAPER, _paper),
     "mpdcc_core, fast": ("mpdcc_core", FAST, _fast),
+    "safe_torque_off": ("safe_torque_off", CHANNELS, _two_channels),
     "board of MPTC": ("board_top", boards.BOARDS["mptc"], boards.mptc),
     "board of MPDCC": ("board_top", boards.BOARDS["mpdcc"], boards.mpdcc),
 }
