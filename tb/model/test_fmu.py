@@ -42,21 +42,22 @@ from directmpc import (
     straight_line,
 )
 from directmpc.__main__ import main
+from directmpc.api.kinds import kind_of
 from directmpc.fmu import variables, write_controller, write_plant
 from directmpc.host.measurements import Encoder
 from directmpc.host.registers import packed, registers_of, values
 from directmpc.mpdcc import closed_loop
-from directmpc.mpdcc.formats import MEASUREMENTS as MPDCC_MEASUREMENTS
 from directmpc.mpdcc.plant import Plant
 from directmpc.mptc.drive import SEQUENCE_METHODS
-from directmpc.mptc.formats import MEASUREMENTS as MPTC_MEASUREMENTS
 from directmpc.mptc.formats import measurement_formats
 from directmpc.mptc.plant import advance, plant_parameters
 from directmpc.native import Design, library
 from scripts.hdl import agreement, native
 from scripts.shared.tools import ROOT
 
+MULTILEVEL = ("anpc5l_6kv", "anpc5l_6kv_kbest")
 DRIVES = ("anpc5l_6kv", "induction_2kw2")
+EVERY = (*DRIVES, pytest.param("anpc5l_6kv_kbest", marks=pytest.mark.thorough))
 VERSIONS = ("2.0", "3.0")
 STEPS = 150
 
@@ -151,7 +152,7 @@ def inputs_of(name: str) -> Iterator[dict[str, float]]:
     drive = load_drive(name)
     for k in range(10**9):
         turn = np.exp(1j * 0.02 * k)
-        if isinstance(drive, Drive):
+        if hasattr(drive, "converter"):
             yield {
                 "is_alpha": 0.9 * turn.real + 0.06 * math.sin(k), "is_beta": 0.9 * turn.imag,
                 "psir_alpha": 0.8 * turn.imag, "psir_beta": -0.8 * turn.real, "v_n": 0.02,
@@ -175,6 +176,11 @@ CHANGED: dict[str, dict[str, tuple[str, float]]] = {
         "control__lambda_n": ("control.lambda_n", 0.2),
         "inverter__xph": ("inverter.xph", 1.1),
     },
+    "anpc5l_6kv_kbest": {
+        "control__lambda_u": ("control.lambda_u", 0.004),
+        "control__bound_vn": ("control.bound_vn", 0.03),
+        "inverter__xph": ("inverter.xph", 1.1),
+    },
     "induction_2kw2": {
         "control__k_psi": ("control.k_psi", 31.0),
         "machine__rs": ("machine.rs", 5.1),
@@ -189,7 +195,7 @@ def period_of(name: str) -> float:
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", EVERY)
 @pytest.mark.parametrize("plant", [True, False], ids=["plant", "controller"])
 def test_it_is_valid_and_complete(fmu, name: str, version: str, plant: bool) -> None:
     path = fmu(name, version, plant=plant)
@@ -239,12 +245,14 @@ def test_a_loop_of_mptc_is_the_models(fmu, version: str) -> None:
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_a_loop_of_mpdcc_is_the_models(fmu, version: str, tmp_path: Path) -> None:
-    drive = load_drive("anpc5l_6kv").with_control(capacitor_filter=0)
-    native.write(["mpdcc_system"])
+@pytest.mark.parametrize("name", MULTILEVEL)
+def test_a_loop_of_many_levels_is_the_models(fmu, name: str, version: str, tmp_path: Path) -> None:
+    drive = load_drive(name).with_control(capacitor_filter=0)
+    native.write([variables.system_of(drive)])
     path = write_controller(drive, tmp_path / "core.fmu", version=version, windows=False)
     ts = drive.control.ts
-    core, plant = Importer(path), Importer(fmu("anpc5l_6kv", version, plant=True))
+    core, plant = Importer(path), Importer(fmu(name, version, plant=True))
+    flags = [n for n in ("held", "deadlock", "length", "saturated") if n in core.named]
     model, s, omega = ModelController(drive), (0, 0, 0), 0.6
     names = [v for v in plant.named if v.startswith(("is_al", "is_be", "psir", "v_n", "v_ph"))]
     for k in range(STEPS):
@@ -260,16 +268,15 @@ def test_a_loop_of_mpdcc_is_the_models(fmu, version: str, tmp_path: Path) -> Non
             omega_s=0.62, omega_r=omega, applied=s, vdc=2.0,
         )  # fmt: skip
         wanted = model.decide(state)
-        found = core.get("s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated")
-        told = [wanted.held, wanted.deadlock, wanted.length, wanted.saturated]
-        assert found == [*wanted.apply, *told], k
+        told = [getattr(wanted, flag) for flag in flags]
+        assert core.get("s_a", "s_b", "s_c", *flags) == [*wanted.apply, *told], k
         s = wanted.apply
         plant.put(s_a=s[0], s_b=s[1], s_c=s[2], omega_r=omega, v_dc=2.0)
         plant.step(ts)
     assert core.get("faults", "running") == [0, True]
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", EVERY)
 def test_gates_change_at_their_clocks(fmu, name: str) -> None:
     """With early return: every edge of every gate, beside the design that computes every clock."""
     path, drive, ts = fmu(name), load_drive(name), period_of(name)
@@ -277,7 +284,7 @@ def test_gates_change_at_their_clocks(fmu, name: str) -> None:
     gates = [n for n in core.named if n.startswith("gate_")]
     words = Encoder(drive)
     slow = loaded(drive, variables.system_of(drive))
-    measured = list(MPDCC_MEASUREMENTS if isinstance(drive, Drive) else MPTC_MEASUREMENTS)
+    measured = list(kind_of(drive).formats(drive))
     clock, edges, period = 25e6, 0, round(ts * 25e6)
     for _, given in zip(range(40), inputs_of(name), strict=False):
         core.put(**given)
@@ -307,7 +314,7 @@ def state_of(drive, given: dict[str, float]) -> MpdccState | MptcState:
     """The state of some inputs."""
     g = given
     current = complex(g["is_alpha"], g["is_beta"])
-    if isinstance(drive, Drive):
+    if hasattr(drive, "converter"):
         return MpdccState(
             current=current, flux=complex(g["psir_alpha"], g["psir_beta"]), v_n=g["v_n"],
             v_ph=(g["v_ph_a"], g["v_ph_b"], g["v_ph_c"]), omega_s=g["omega_s"],
@@ -354,7 +361,7 @@ class Loop:
     def decide(self, state: MpdccState | MptcState) -> MpdccDecision | MptcDecision:
         """One period; the decision that acts in the plant."""
         core, end = self.core, round((len(self.seen) + 1) * self.drive.control.ts, 12)
-        names = list(MPDCC_MEASUREMENTS if isinstance(self.drive, Drive) else MPTC_MEASUREMENTS)
+        names = list(kind_of(self.drive).formats(self.drive))
         core.put(**given_of(state, self.drive))
         self.seen.append(dict(zip(names, self.words.words(state)[0], strict=True)))
         while core.time < end - 1e-12:
@@ -365,7 +372,9 @@ class Loop:
         self.decided.append(core.get(*self.shown))
         s = self.decided[-1]
         if isinstance(state, MpdccState):
-            return MpdccDecision(tuple(int(x) for x in s[:3]), bool(s[3]), bool(s[4]), int(s[5]))
+            told = dict(zip(self.shown, map(int, s), strict=True))
+            flags = bool(told["held"]), bool(told.get("deadlock")), told.get("length", 0)
+            return MpdccDecision(tuple(int(x) for x in s[:3]), *flags)
         known = self.model.decide(state)  # a sequence is on no port
         return known if self.drive.control.sequences else MptcDecision(int(s[0]))
 
@@ -373,6 +382,7 @@ class Loop:
 CLOCK = 25e6
 SHOWN = {
     "mpdcc": ["s_a", "s_b", "s_c", "held", "deadlock", "length", "saturated", "cycles"],
+    "kbest": ["s_a", "s_b", "s_c", "held", "cost", "saturated", "cycles"],
     "mptc": ["u_next", "saturated", "clamped", "cycles", "flux_alpha"],
 }
 
@@ -436,6 +446,7 @@ class Inputs:
 
 LOOPS = [
     *((n, None) for n in ("anpc5l_6kv", "anpc5l_3kv3", "anpc5l_grid", "anpc5l_pmsm", "anpc5l_rl")),
+    ("anpc5l_6kv_kbest", None),
     *((n, m) for n in ("induction_2kw2", "motulator_2kw2") for m in ("MPTC", "MPFC", "MPC2")),
     *(("induction_2kw2", m) for m in SEQUENCE_METHODS if m != "MPC2"),
 ]
@@ -449,7 +460,7 @@ def test_a_loop_is_ghdls(name: str, method: str | None, tmp_path: Path) -> None:
     native.write([design])
     path = write_controller(drive, tmp_path / "core.fmu", windows=False)
     loop, steps, period = Loop(path, drive), 40, round(drive.control.ts * CLOCK)
-    if isinstance(drive, Drive):  # gates come on at position 0, from where no phase goes far
+    if hasattr(drive, "converter"):  # gates come on at position 0, from where no phase goes far
         profile = closed_loop.constant_profile(drive, closed_loop.OperatingPoint(1.0), steps)
         closed_loop.drive_controller(drive, loop, profile, steps, checked=False, filtered=False)
     else:
@@ -488,7 +499,7 @@ def test_a_loop_is_ghdls(name: str, method: str | None, tmp_path: Path) -> None:
             assert value == word, (k, port)
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", EVERY)
 def test_steps_of_any_size(fmu, name: str) -> None:
     """At the ends of control periods everything is as with steps of one period."""
     path, ts = fmu(name), period_of(name)
@@ -504,7 +515,7 @@ def test_steps_of_any_size(fmu, name: str) -> None:
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", EVERY)
 def test_states_are_taken_back(fmu, name: str, version: str) -> None:
     """In the middle of a decision, by the importer's memory and by bytes, and a reset there."""
     path, ts = fmu(name, version), period_of(name)
@@ -559,7 +570,7 @@ def test_two_instances_share_nothing(fmu) -> None:
             assert one.outputs() == alone[place // 2][k]
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", EVERY)
 def test_parameters_make_the_controller_of_such_a_drive(fmu, name: str, tmp_path: Path) -> None:
     """Decisions and gates of one FMU with other parameters are those of the other drive's FMU."""
     tables: dict[str, dict[str, float]] = {}
@@ -608,12 +619,17 @@ def test_parameters_that_do_not_fit_together_are_refused(fmu) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "said"), [("npc3l_3kv3", "inverter.topology"), ("anpc5l_6kv_kbest", "controller")]
+    ("drive", "said"),
+    [
+        (load_drive("npc3l_3kv3"), "inverter.topology"),
+        (load_drive("anpc5l_6kv_kbest").with_control(beam=16), "control.beam"),
+    ],
+    ids=["converter", "beam"],
 )
-def test_a_drive_of_another_kind_is_refused(name: str, said: str, tmp_path: Path) -> None:
-    """The systems that are converted have the tables of one converter."""
+def test_a_drive_of_another_kind_is_refused(drive: Any, said: str, tmp_path: Path) -> None:
+    """The systems that are converted have the tables of one converter, and one search."""
     with pytest.raises(ValueError, match=said):
-        write_controller(load_drive(name), tmp_path / "x.fmu")
+        write_controller(drive, tmp_path / "x.fmu")
     assert not list(tmp_path.iterdir())
 
 

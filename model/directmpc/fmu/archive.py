@@ -14,9 +14,10 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from directmpc import __version__
+from directmpc.api.drive_file import AnyDrive
 from directmpc.fmu.variables import Model, Variable, controller, plant, system_of
 from directmpc.host.registers import CORE_CLOCK
-from directmpc.mpdcc.drive import Drive, PerUnitDrive
+from directmpc.mpdcc.drive import PerUnitDrive
 from directmpc.mptc.drive import MptcDrive
 from directmpc.native import library
 from directmpc.output_files import replacing
@@ -46,7 +47,7 @@ class FmuError(Exception):
 
 
 def write_controller(
-    drive: Drive | MptcDrive,
+    drive: AnyDrive,
     out: str | os.PathLike[str],
     *,
     version: str = "3.0",
@@ -60,7 +61,7 @@ def write_controller(
 
     Parameters
     ----------
-    drive : Drive or MptcDrive
+    drive : Drive, KbestDrive or MptcDrive
         Whose controller it is.
     out : str or path
         File to write or to replace.

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from directmpc import straight_line
+from directmpc.api.drive_file import AnyDrive
 from directmpc.api.kinds import kind_of
 from directmpc.drive_tables import keys_of
 from directmpc.host.registers import (
@@ -22,7 +23,7 @@ from directmpc.host.registers import (
     values,
 )
 from directmpc.mpdcc import plant as mpdcc_plant
-from directmpc.mpdcc.drive import Drive, PerUnitDrive, only_default
+from directmpc.mpdcc.drive import PerUnitDrive, only_default
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.machine import current_row
 from directmpc.mptc.plant import plant_parameters
@@ -32,16 +33,14 @@ from directmpc.straight_line import Program
 #: Largest magnitude of an input that has no range of its own.
 ANY = 1e9
 _ROLES = ("input", "output", "parameter", "constant")
-SYSTEMS = {"mpdcc": "mpdcc_system", "mptc": "mptc_system"}
+SYSTEMS = {"mpdcc": "mpdcc_system", "kbest": "kbest_system", "mptc": "mptc_system"}
 FAMILY = "mptc_family_system"
 #: What registers a design has besides those of every system.
-BUILT: dict[str, tuple[str, ...]] = {"mpdcc_system": (), "mptc_system": (), FAMILY: ("family",)}
+BUILT: dict[str, tuple[str, ...]] = dict.fromkeys(SYSTEMS.values(), ()) | {FAMILY: ("family",)}
 
 
 def system_of(drive: Any) -> str:
     """Native library of the design of a drive's controller; ValueError if there is none."""
-    if drive.controller not in SYSTEMS:
-        raise ValueError(f"controller: {drive.controller} has no FMU; {', '.join(SYSTEMS)} have")
     if kind_of(drive).library(drive, "fast").startswith("mpdcc_core_"):
         only_default(drive)
     return FAMILY if getattr(drive.control, "sequences", False) else SYSTEMS[drive.controller]
@@ -118,15 +117,13 @@ _QUANTITIES = {
 }
 
 
-def _bases(drive: Drive | MptcDrive) -> dict[str, tuple[float, str]]:
+def _bases(drive: AnyDrive) -> dict[str, tuple[float, str]]:
     """SI value and unit of 1 in the drive file by the kind of a measurement."""
     units = kind_of(drive).units(drive)
     return {stem: (getattr(units, what), unit) for stem, (what, unit) in _QUANTITIES.items()}
 
 
-def _measurements(
-    drive: Drive | MptcDrive, si: bool, phases: bool
-) -> Iterator[tuple[Variable, str]]:
+def _measurements(drive: AnyDrive, si: bool, phases: bool) -> Iterator[tuple[Variable, str]]:
     """Inputs and the lines `measure` of a controller."""
     kind, bases = kind_of(drive), _bases(drive)
     formats, si = kind.formats(drive), si or not kind.per_unit
@@ -185,7 +182,7 @@ def _other(drive: Any, given: Mapping[str, float]) -> Any:
 
 
 def _program(
-    drive: Drive | MptcDrive, design: str, clock: float, si: bool, phases: bool
+    drive: AnyDrive, design: str, clock: float, si: bool, phases: bool
 ) -> tuple[Program, dict[str, tuple[float, float]]]:
     """How registers follow from those keys of machine, inverter and control that can be changed."""
     given, allowed = {}, {}
@@ -208,7 +205,7 @@ def _program(
 
 
 def _settings(
-    drive: Drive | MptcDrive, clock: float, ranges: Mapping[str, tuple[float, float]]
+    drive: AnyDrive, clock: float, ranges: Mapping[str, tuple[float, float]]
 ) -> Iterator[tuple[Variable, str]]:
     """Keys of the drive file as variables; those of the guard and of `ranges` can be set."""
     pu = kind_of(drive).per_unit
@@ -246,7 +243,7 @@ def _unit_in(words: str) -> str:
 _UNITS = {"V", "A", "Hz", "s", "H", "Wb", "N.m", "rad/s", "Ohm", "N.m/Wb"}
 
 
-def _guard(drive: Drive | MptcDrive, name: str, one: Setting, info: Any, word: int) -> tuple:
+def _guard(drive: AnyDrive, name: str, one: Setting, info: Any, word: int) -> tuple:
     """A setting of the gate guard: a parameter, and how its register follows from it."""
     key = name.rpartition(".")[2]
     least, most = _ranged(info)
@@ -284,7 +281,7 @@ _SHOWN = {
 }  # fmt: skip
 
 
-def _outputs(drive: Drive | MptcDrive, design: str) -> Iterator[tuple[Variable, str]]:
+def _outputs(drive: AnyDrive, design: str) -> Iterator[tuple[Variable, str]]:
     kind_, text = kind_of(drive), (VERILOG / f"{design}.v").read_text(encoding="utf-8")
     top = text[text.rindex("\nmodule ") + 8 :].split("\n", 1)[0]
     for port in ports_of(text, top):
@@ -320,7 +317,7 @@ def _outputs(drive: Drive | MptcDrive, design: str) -> Iterator[tuple[Variable, 
 
 
 def controller(
-    drive: Drive | MptcDrive, name: str, *, clock: float, si: bool = False, phases: bool = False
+    drive: AnyDrive, name: str, *, clock: float, si: bool = False, phases: bool = False
 ) -> Model:
     """The controller of a drive, its clock in Hz.
 
