@@ -169,18 +169,18 @@ class Running:
 
     def order(self, name: str, values: object = None) -> None:
         """Give an order and wait for it."""
-        self.live.give(name, values).result(timeout=60)
+        self.live.give(name, values).result(timeout=180)
 
     def wait(self, rows: int) -> None:
         """Wait until there are so many rows more."""
-        goal, end = self.record.total + rows, time.monotonic() + 60
+        goal, end = self.record.total + rows, time.monotonic() + 180
         while self.record.total < goal:
             assert time.monotonic() < end, self.live.state()
             time.sleep(0.01)
 
     def recorded(self) -> dict[str, Any]:
         """The event of a recording, once the board's recorder has been read."""
-        end = time.monotonic() + 60
+        end = time.monotonic() + 180
         while not (event := (self.live.state()["events"] or [{}])[-1]).get("recording"):
             assert time.monotonic() < end, self.live.state()
             time.sleep(0.01)
@@ -190,7 +190,7 @@ class Running:
         """A register's word, read between two steps."""
         address, _ = registers_of(self.drive.controller)[name]
         payload = self.live.joined(Type.READ, False, address.to_bytes(2, "little"))
-        return int.from_bytes(payload.result(timeout=60)[3:], "little")
+        return int.from_bytes(payload.result(timeout=180)[3:], "little")
 
     @property
     def gates(self) -> int:
@@ -230,11 +230,11 @@ def test_gates_are_drawn_as_a_board_switches_them(name: str, tmp_path: Path) -> 
     with VirtualBoard(chosen, port, log), Board(port, timeout=20) as board:
         live = Live(board, drive, record)
         live.start()
-        live.give("start").result(timeout=60)
-        end = time.monotonic() + 100
+        live.give("start").result(timeout=180)
+        end = time.monotonic() + 300
         while record.total < 700 and time.monotonic() < end:
             time.sleep(0.01)
-        live.give("stop").result(timeout=60)
+        live.give("stop").result(timeout=180)
         live.close()
     lines = [line.split(",") for line in log.read_text().split()[1:]]
     seen = [(int(clock), int(gates, 16)) for clock, gates in lines]
@@ -295,7 +295,7 @@ def test_a_trip_is_recorded_with_what_came_before(running: Running) -> None:
     running.order("start")
     running.wait(60)
     running.order("trip")
-    end = time.monotonic() + 20
+    end = time.monotonic() + 60
     while running.live.state()["running"]:
         assert time.monotonic() < end
         time.sleep(0.01)
@@ -338,7 +338,7 @@ def test_the_board_s_recorder_is_read_after_a_trip(running: Running, tmp_path: P
     try:
         hello = asyncio.run(one.websocket(f"?recording={event['recording']}"))["hello"]
         assert (hello["live"], hello["ts"]) == (False, shown.ts)
-        with urllib.request.urlopen(f"{address}export/trace?recording=1", timeout=20) as answer:
+        with urllib.request.urlopen(f"{address}export/trace?recording=1", timeout=60) as answer:
             exported = answer.read()
         assert one.get("/export/trace?recording=9") == 400
         # another host reads the same through the scope, into files
@@ -371,7 +371,7 @@ def test_a_line_that_is_cut_ends_the_run(running: Running, monkeypatch: pytest.M
             raise LinkError("the line is cut")
 
         patched.setattr(running.stream, "write", gone)
-        end = time.monotonic() + 20
+        end = time.monotonic() + 60
         while running.live.state()["running"]:
             assert time.monotonic() < end
             time.sleep(0.01)
@@ -400,14 +400,14 @@ class Served:
     def close(self) -> None:
         """End it."""
         self._http.should_exit = True
-        self._thread.join(timeout=20)
+        self._thread.join(timeout=60)
 
     def get(self, path: str = "/", data: bytes | None = None, **headers: str) -> int:
         """Status of a request."""
         names = {name.replace("_", "-"): value for name, value in headers.items()}
         asked = urllib.request.Request(f"http://127.0.0.1:{self.port}{path}", data, names)
         try:
-            with urllib.request.urlopen(asked, timeout=20) as answer:
+            with urllib.request.urlopen(asked, timeout=60) as answer:
                 return int(answer.status)
         except urllib.error.HTTPError as error:
             return error.code
@@ -482,7 +482,7 @@ def test_a_page_that_closes_turns_the_gates_off(running: Running, tmp_path: Path
     one = Served(running.record, running.live, None, tmp_path)
     try:
         asyncio.run(_page_that_leaves(one.port, running.record))
-        end = time.monotonic() + 20
+        end = time.monotonic() + 60
         while running.live.state()["running"] or running.gates:
             assert time.monotonic() < end
             time.sleep(0.01)
@@ -492,7 +492,7 @@ def test_a_page_that_closes_turns_the_gates_off(running: Running, tmp_path: Path
 
 def test_another_host_joins(running: Running, tmp_path: Path) -> None:
     one = Served(running.record, running.live, None, tmp_path)
-    joined = Board(f"scope:http://127.0.0.1:{one.port}/", timeout=20)
+    joined = Board(f"scope:http://127.0.0.1:{one.port}/", timeout=60)
     try:
         running.order("start")
         running.wait(20)
