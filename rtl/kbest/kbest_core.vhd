@@ -158,7 +158,7 @@ architecture rtl of kbest_core is
   signal held_node  : node_t;               -- as it is prepared
   signal prepare    : std_logic;
   signal preparing  : std_logic;            -- '1': a node is being prepared, or waits to be loaded
-  signal node_done  : std_logic;
+  signal node_ends  : std_logic;
   signal node_up    : std_logic;            -- '1': prepared is whole
   signal node_clip  : std_logic;
   signal prepared   : prepared_t;
@@ -379,7 +379,7 @@ begin
       charge       => node_charge,
       linear_at    => linear_at,
       linear       => linear,
-      done         => node_done,
+      done         => node_ends,
       held         => held_node,
       prepared     => prepared,
       half         => half,
@@ -402,7 +402,7 @@ begin
                kept_long;
 
   codes      <= plan & "0000";
-  load       <= (node_done or node_up) and not busy_children;
+  load       <= (node_ends or node_up) and not busy_children;
   load_alone <= '1' when p_place = 0 else
                 '0';
   load_plan  <= '1' when p_first = '1' and p_place /= LAST_PLACE else
@@ -606,7 +606,7 @@ begin
       w_lead <= v_lead;
 
       -- reading and preparing nodes
-      if (node_done = '1') then
+      if (node_ends = '1') then
         node_up <= '1';
       end if;
 

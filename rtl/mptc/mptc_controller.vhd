@@ -33,7 +33,7 @@ entity mptc_controller is
     family_method : in    family_t;            -- FAMILY: method of several vectors; sampled with start
     duty_rule     : in    duty_rule_t;         -- FAMILY: how MPTC1 and MPTC2 find a duty; sampled with start
     decision     : out   mptc_decision_t;     -- stable until the next valid
-    cost         : out   compared_t;          -- of a single vector, signed, until the next one is tried
+    cost         : out   compared_t;          -- of a single vector, signed, with valid
     chosen       : out   mptc_sequence_t      -- what to apply next, stable until the next valid
   );
 end entity mptc_controller;

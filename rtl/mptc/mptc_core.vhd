@@ -78,7 +78,7 @@ entity mptc_core is
     switches  : out   std_logic_vector(2 downto 0); -- its switch states a, b, c; '1': positive rail
     saturated : out   std_logic;                    -- '1': a value did not fit its word, or v_dc is zero
     clamped   : out   std_logic;                    -- '1': MPFC cannot reach torque_ref
-    -- its cost, from valid until the next start; of one vector a period alone
+    -- its cost, in the clock of valid alone; of one vector a period alone
     cost : out   std_logic_vector(COMPARED_WIDTH - 1 downto 0) -- as it is compared, signed
   );
 end entity mptc_core;

@@ -86,7 +86,7 @@ entity mptc_family_core is
     next_u3   : out   std_logic_vector(2 downto 0);  -- third vector to apply next, 0 to 7
     next_t1   : out   std_logic_vector(12 downto 0); -- time of the first, 1/4096 of the period
     next_t2   : out   std_logic_vector(12 downto 0); -- time of the second, 1/4096 of the period
-    -- its cost, from valid until the next start; of one vector a period alone
+    -- its cost, in the clock of valid alone; of one vector a period alone
     cost : out   std_logic_vector(COMPARED_WIDTH - 1 downto 0) -- as it is compared, signed
   );
 end entity mptc_family_core;

@@ -52,7 +52,7 @@ entity mptc_vector_stream is
     leader       : out   vector_t;                                       -- cheapest vector so far
     cheaper      : out   std_logic;                                      -- '1': what is compared is the cheapest so far
     number       : out   vector_t;                                       -- number of the vector to apply next
-    least        : out   compared_t                                      -- its cost, until the next begin_stream
+    least        : out   compared_t                                      -- its cost, in the clock after last
   );
 end entity mptc_vector_stream;
 
@@ -122,7 +122,7 @@ begin
         following := (others => '0');
       end if;
 
-      ahead         := following - TERM_CLOCKS;
+      ahead         := stream + 1 - TERM_CLOCKS;
       vector        := std_logic_vector(ahead(2 downto 0));
       stream        <= following;
       term_whole    <= whole_alpha(vector);
@@ -130,7 +130,7 @@ begin
       term_beta     <= has_beta(vector);
       term_add      <= negative_alpha(vector) xnor mpfc;
       term_subtract <= negative_beta(vector) xor mpfc;
-      wins_tie      <= to_std_logic(following = STREAM_LAST) and not zero_is_u_7(applied);
+      wins_tie      <= to_std_logic(stream = STREAM_LAST - 1) and not zero_is_u_7(applied);
     end if;
 
   end process p_stream;
@@ -278,7 +278,7 @@ begin
   cost_number <= std_logic_vector(stream(2 downto 0));
 
   g_single_better : if not FAMILY generate
-    fresh  <= to_std_logic(stream /= 0 and stream <= STREAM_COMPARE);
+    fresh  <= to_std_logic(stream <= STREAM_COMPARE);
     better <= to_std_logic(cost & '0' < best_cost & wins_tie);
   end generate g_single_better;
 
@@ -308,7 +308,7 @@ begin
   begin
 
     if rising_edge(clk) then
-      if (better = '1' and (FAMILY or stream /= 0)) then
+      if (better = '1') then
         best      <= cost_number;
         best_cost <= cost;
       end if;

@@ -146,6 +146,7 @@ architecture rtl of mptc_system is
   signal core_saturated : std_logic;
   signal core_clamped   : std_logic;
   signal core_cost      : compared_t;
+  signal cost_held      : compared_t; -- for the recorder, which takes it later
   signal own_u          : std_logic_vector(2 downto 0);
   signal until_u        : std_logic_vector(2 downto 0);
   signal estimated      : std_logic; -- the observer has taken a step
@@ -752,9 +753,20 @@ begin
     step(MPTC_NEXT_T1 + 12 downto MPTC_NEXT_T1) <= decided.t1;
     step(MPTC_NEXT_T2 + 12 downto MPTC_NEXT_T2) <= decided.t2;
     step(MPTC_CLAMPED) <= core_clamped;
-    step(MPTC_COST + COMPARED_WIDTH - 1 downto MPTC_COST) <= core_cost;
+    step(MPTC_COST + COMPARED_WIDTH - 1 downto MPTC_COST) <= cost_held;
 
   end process p_step;
+
+  p_cost : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      if (core_valid = '1') then
+        cost_held <= core_cost;
+      end if;
+    end if;
+
+  end process p_cost;
 
   ---------------------------------------------------------------------------------------------
   -- What registers and ports show

@@ -371,7 +371,7 @@ _MPTC_INPUTS = (
     Group("", (Port("method_mpfc", "", "'1': MPFC, '0': MPTC; sampled with start"),)),
 )
 _MPTC_COST = Group(
-    "its cost, from valid until the next start; of one vector a period alone",
+    "its cost, in the clock of valid alone; of one vector a period alone",
     (Port("cost", "COMPARED_WIDTH - 1", "as it is compared, signed"),),
     output=True,
 )
