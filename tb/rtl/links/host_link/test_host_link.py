@@ -134,7 +134,7 @@ FAULTS: list[tuple[str, str, str, Callable[[Path], object]]] = [
     ("request_check", "link /= control and (stepping = '1' or (disables or records) = '0')",
      "stepping = '1' and link /= control", mishaps),
     ("request_check", "not (number_now(31) xor link)", "'1'", mishaps),
-    ("request_check", "MPDCC, 9, 3)", "MPDCC, 8, 3)", over_uart),
+    ("request_check", "MPTC, 3, 9)", "MPTC, 3, 8)", over_uart),
     ("request_check", "quiet       <= '1';", "quiet       <= '0';", mishaps),
     ("reply_source", "kept_flags(FLAG_ENABLED)   <= enabled;", "null;", over_uart),
     ("reply_source", "kept_flags(FLAG_NO_ANSWER) <= no_answer;", "null;", mishaps),
