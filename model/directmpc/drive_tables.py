@@ -99,6 +99,11 @@ class Section(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    @classmethod
+    def ranges(cls, data: Any, table: str, key: str, low: float, high: float) -> str:
+        """What a message adds to a range: the same in other units."""
+        return ""
+
 
 class GuardTable(Section):
     """Table `guard`: what the devices of the inverter need of the gate guard; times in s.
@@ -131,11 +136,6 @@ class GuardTable(Section):
 class AnyDrive(Section):
     """What the drives of all controllers can do."""
 
-    @classmethod
-    def ranges(cls, data: Any, table: str, key: str, low: float, high: float) -> str:
-        """What a message adds to a range: the same in other units."""
-        return ""
-
     def changed(self, **tables: Mapping[str, Any]) -> Self:
         """Make the same drive with other values, checked as a drive file is.
 
@@ -161,7 +161,7 @@ class AnyDrive(Section):
         return self.changed(control=keys)
 
 
-DriveModel = TypeVar("DriveModel", bound=AnyDrive)
+DriveModel = TypeVar("DriveModel", bound=Section)
 
 
 def described(value: Any) -> str:
@@ -198,7 +198,7 @@ def allowed(table: type, key: str) -> str:
     return f"a table [{key}] with the keys {', '.join(keys)}"
 
 
-def _explain(model: type[AnyDrive], error: Any, data: Any) -> str:
+def _explain(model: type[Section], error: Any, data: Any) -> str:
     """Turn one pydantic error into "key: what is wrong, what is allowed"."""
     location: list[str] = []
     table: Any = model
