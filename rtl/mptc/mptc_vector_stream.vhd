@@ -122,6 +122,7 @@ begin
         following := (others => '0');
       end if;
 
+      -- from the counter itself: where the next clock has no vector, nobody reads its terms
       ahead         := stream + 1 - TERM_CLOCKS;
       vector        := std_logic_vector(ahead(2 downto 0));
       stream        <= following;
