@@ -10,6 +10,7 @@ from scripts.shared.command import command, option
 #: Modules of `scripts.generate`, in the order in which they need one another.
 GENERATORS = (
     "mpdcc_package",
+    "converter_pages",
     "mptc_package",
     "kbest_package",
     "observer_packages",

@@ -39,7 +39,7 @@ DOCS = ROOT / "docs"
         ("README.md", "index.md"),
         ("docs/README.md", "pages.md"),
         ("docs/check.md", "check.md"),
-        ("docs/leg.svg", "leg.svg"),
+        ("docs/system.svg", "system.svg"),
         ("CHANGELOG.md", "files/CHANGELOG.md"),
         ("rtl/mpdcc/mpdcc_core.vhd", "files/rtl/mpdcc/mpdcc_core.vhd.md"),
         ("reports/run.png", "files/reports/run.png"),
