@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from directmpc import converter
 from scripts.hdl import sources
 from scripts.hdl.conversion import KEYWORDS
 from scripts.shared import tools
@@ -33,7 +34,10 @@ GENERATED_DIRECTORIES = (
     "examples",
     "registers",
     "constraints",
+    "converters",
 )
+# Which name no converter, but in what is generated and in drive files.
+ANY_CONVERTER = ("rtl", "model", "scripts")
 # Register blocks as PeakRDL writes them.
 GENERATED_VHDL = ROOT / "rtl" / "system" / "generated"
 # Their package declares functions alone. Names of parameters do not reach a netlist.
@@ -325,6 +329,29 @@ def _keyword_names() -> list[str]:
     ]
 
 
+def converters_named(text: str, name: str) -> list[str]:
+    """Lines of a file that name a converter."""
+    known = re.compile(rf"\b(?:{'|'.join(converter.shipped())})\b|five[_]level")
+    return [
+        f"{name}:{number}: names the converter {match[0]}; its file says what it has"
+        for number, line in enumerate(text.splitlines(), start=1)
+        for match in known.finditer(line)
+    ]
+
+
+def _converters_named() -> list[str]:
+    """No source names a converter: each is served as its file describes it."""
+    lines = []
+    for folder in ANY_CONVERTER:
+        for path in sorted((ROOT / folder).rglob("*")):
+            within = path.relative_to(ROOT)
+            if not {"drives", "converters", "__pycache__"} & set(within.parts) and path.is_file():
+                text = path.read_text(encoding="utf-8", errors="ignore")
+                if "enerated by" not in text[:2000]:
+                    lines += converters_named(text, str(within))
+    return lines
+
+
 def _snapshot() -> dict[Path, bytes]:
     return {
         path: path.read_bytes()
@@ -364,6 +391,7 @@ CHECKS: dict[str, Callable[[], list[str]]] = {
     "VHDL-2008 analysis (ghdl)": lambda: _analysis("08"),
     "ports and generics documented": _documented_ports,
     "no keywords of SystemVerilog": _keyword_names,
+    "no converter by name": _converters_named,
     "generated files up to date": _fresh_files,
 }
 

@@ -253,3 +253,11 @@ end architecture rtl;
         "e.vhd:7: the name Output is a keyword of SystemVerilog",
         "e.vhd:7: the name inside is a keyword of SystemVerilog",
     ]
+
+
+def test_lines_that_name_a_converter_are_found() -> None:
+    text = "drive = load('anpc5l_6kv')\nif topology == 'npc3l':\n    five_level = two_levels\n"
+    assert checks.converters_named(text, "a.py") == [
+        "a.py:2: names the converter npc3l; its file says what it has",
+        "a.py:3: names the converter five_level; its file says what it has",
+    ]
