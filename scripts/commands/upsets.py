@@ -15,7 +15,7 @@ from scripts.studies import upsets
     "cases", nargs="*", metavar="NETLIST",
     help=f"all if none is given: {', '.join(map(repr, upsets.CASES))}",
 )  # fmt: skip
-@option("--times", type=count, default=upsets.TIMES, help="flips of each flip-flop")
+@option("--times", type=count, help="flips of each flip-flop, instead of those published")
 @option("--seed", type=int, default=1, help="of their clocks")
 @option("--jobs", type=count, default=2, help="processes")
 @option("--anew", action="store_true", help="begin again, whatever there is")

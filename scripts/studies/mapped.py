@@ -208,8 +208,8 @@ def mapped(entity: str, family: str, options: str = "", verilog: Path | None = N
     return out
 
 
-def simulated(entity: str, family: str, cells: str) -> str:
-    """A mapped netlist, its cells replaced by what they do."""
+def parts(entity: str, family: str, cells: str, folder: Path) -> str:
+    """Write a mapped netlist into a folder; Yosys commands that read it and what its cells do."""
     for parameters, cell, ends in _MULTIPLIER_CELL.findall(cells):
         if set(_SIGNED.findall(ends)) != {"A", "B"} or '"CLK' in parameters:
             raise ToolError(f"{entity}: multiplier {cell} is unsigned or has registers")
@@ -217,15 +217,22 @@ def simulated(entity: str, family: str, cells: str) -> str:
         for one in re.findall(rf"^  {kind} #\(.*?^  \);$", cells, re.M | re.S):
             if found := beyond.search(one):
                 raise ToolError(f"{entity}: the model of {kind} has no {found[0]}")
+    (folder / "own.v").write_text(OWN[family], encoding="utf-8")
+    # what the multiplier's model has no port for is not used: see above
+    plain = _MULTIPLIER_CELL.sub(_plain_multiplier, cells)
+    (folder / "cells.v").write_text(plain, encoding="utf-8")
+    return (
+        f"read_verilog -overwrite +/{FAMILIES[family]}/cells_sim.v; "
+        "read_verilog -overwrite own.v; read_verilog cells.v; "
+    )
+
+
+def simulated(entity: str, family: str, cells: str) -> str:
+    """A mapped netlist, its cells replaced by what they do."""
     with tempfile.TemporaryDirectory(prefix="mapped-") as name:
         folder = Path(name)
-        (folder / "own.v").write_text(OWN[family], encoding="utf-8")
-        # what the multiplier's model has no port for is not used: see above
-        plain = _MULTIPLIER_CELL.sub(_plain_multiplier, cells)
-        (folder / "cells.v").write_text(plain, encoding="utf-8")
         _yosys(
-            f"read_verilog -overwrite +/{FAMILIES[family]}/cells_sim.v; "
-            "read_verilog -overwrite own.v; read_verilog cells.v; "
+            f"{parts(entity, family, cells, folder)}"
             f"hierarchy -check -top {entity}; proc; flatten; opt_clean; check -assert; "
             "write_verilog -noattr whole.v",
             folder,

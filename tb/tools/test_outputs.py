@@ -31,7 +31,7 @@ IN_PLACE = {
     "scripts/publish/stages.py": 2,  # a stage's own folder below build/, kept once it is whole
     "scripts/studies/coverage/rtl.py": 1,  # a folder of its own, which goes again
     "scripts/studies/mapped.py": 4,  # the same
-    "scripts/studies/upsets.py": 5,  # the same
+    "scripts/studies/upsets.py": 1,  # the same
     "scripts/studies/fuzz.py": 4,  # a folder of its own, which goes again
     "scripts/measure/sweep_points.py": 2,  # a copy of the tree below build/
     "scripts/studies/scaling.py": 1,  # a log in a folder of its own, which goes again

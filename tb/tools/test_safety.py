@@ -170,7 +170,7 @@ def wrong_diagnosis(text: str) -> list[str]:
     shares = []
     found = (ROOT / "reports" / "upsets.md").read_text(encoding="utf-8")
     for row in re.findall(r"^\| gate guard, [\w-]+ \| all \|(.*)\|$", found, re.M):
-        _, _, fault, *others = (int(cell.replace(",", "")) for cell in row.split("|"))
+        _, _, _, fault, *others = (int(cell.replace(",", "")) for cell in row.split("|"))
         shares.append(f"{fault / (fault + sum(others)):.0%}".replace("%", " %"))
     said = f"{shares[0]} (ANPC) and {shares[1]} (two-level) of the flips"
     if said not in " ".join(text.split()):
