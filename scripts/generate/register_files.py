@@ -537,6 +537,28 @@ def _quick(text: str) -> str:
     return re.sub(_WRITTEN, lambda found: written.format(at[found[1]]), text)
 
 
+#: Constants of the converter's package, and the registers that stay 0 where one is false.
+_PARTS = {
+    "HAS_CAPACITORS": (
+        "bands.v_ph_high", "bands.v_ph_low",
+        "measurements.v_ph_a", "measurements.v_ph_b", "measurements.v_ph_c",
+    ),
+    "HAS_NEUTRAL": ("bands.v_n_limit", "measurements.v_n"),
+}  # fmt: skip
+
+
+def _of_converter(text: str) -> str:
+    """A register block whose registers of what the converter does not have take no flip-flop."""
+    for constant, names in _PARTS.items():
+        for name in names:
+            loads = f"field_storage.{name}.value.value <= field_combo.{name}.value.next_q;"
+            if text.count(loads) != 1:
+                raise ValueError(f"a register block has not once '{loads}'")
+            text = text.replace(loads, f"if {constant} then {loads} end if;")
+    used = "".join(f"use work.converter_leg.{constant.lower()};\n" for constant in _PARTS)
+    return text.replace("use work.reg_utils.all;\n", f"use work.reg_utils.all;\n{used}", 1)
+
+
 def _without_shared(text: str) -> tuple[str, str]:
     """A controller's package that uses the shared one, and the records that it leaves to it."""
     names = "|".join(_SHARED)
@@ -578,6 +600,8 @@ def _vhdl(controller: str, top: AddrmapNode, folder: Path) -> dict[Path, str]:
         if path.stem == name:
             note = _MANUAL.format(name=TITLES[controller]) + note
             text = _quick(_described(text))
+            if controller in IN_MEMORY:
+                text = _of_converter(text)
         if path.stem == f"{name}_pkg":
             text, types = _without_shared(text)
             found[VHDL / f"{_SHARED_PACKAGE}.vhd"] = _SHARED_TEXT.format(

@@ -238,7 +238,9 @@ def guard_words(drive: AnyDrive, clock: float, saturated: list[str]) -> dict[str
         for name, setting in guard_settings(drive, clock).items()
     }
     words["guard.frozen"] = drive.guard.frozen
-    return words
+    # registers of what the converter does not have stay 0
+    absent = drive.absent if isinstance(drive, PerUnitDrive) else ()
+    return words | {f"bands.{name}": 0 for name in absent}
 
 
 def _check_link(drive: AnyDrive, unit: str) -> None:

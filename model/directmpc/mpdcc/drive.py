@@ -214,17 +214,22 @@ class PerUnitDrive(AnyDrive):
         """Sampling interval in units of 1/(2 pi f_base). Radians of the base frequency."""
         return 2 * math.pi * self.base.frequency * self.control.ts
 
+    @property
+    def absent(self) -> tuple[str, ...]:
+        """Keys of `guard`, and registers of `bands`, of what the converter does not have."""
+        leg = self.converter
+        return (
+            *(("v_ph_high", "v_ph_low") if leg.capacitor_nodes is None else ()),
+            *(("v_n_limit",) if leg.neutral_node is None else ()),
+        )
+
     def missing(self) -> list[str]:
         """What has to be added to the file before its drive can be started.
 
         As of its `guard`, but for limits of what it does not have.
         """
-        leg, absent = self.converter, []
-        if leg.capacitor_nodes is None:
-            absent += ["guard.v_ph_high:", "guard.v_ph_low:"]
-        if leg.neutral_node is None:
-            absent += ["guard.v_n_limit:"]
-        return [said for said in self.guard.missing() if not said.startswith(tuple(absent))]
+        absent = tuple(f"guard.{key}:" for key in self.absent)
+        return [said for said in self.guard.missing() if not said.startswith(absent)]
 
 
 def only_default(drive: PerUnitDrive) -> None:

@@ -2,7 +2,8 @@
 --
 --   stage 1   voltages of the three phases, neutral-point and weight slopes of the candidate
 --   stage 2-3 slope of one output a clock, in the order i_a, i_b, i_c, v_n, v_ph_a, v_ph_b, v_ph_c:
---             natural slope - h*Xr/D * (v_x - (v_a + v_b + v_c)/3), or the capacitor slope
+--             natural slope - h*Xr/D * (v_x - (v_a + v_b + v_c)/3), or the capacitor slope; of those that
+--             the converter has
 --   stage 4   room up to the bound in the slope's direction, error at k+1
 --   stage 5   excess of that error over the bound
 --   search    one binary_search per output, started one clock after the other
@@ -11,7 +12,7 @@
 --
 -- Exits: Algorithm 2's two (see binary_search), with the shortest length of use found from the best
 -- cost so far by one more search; a candidate dead in step one is dropped at once when J_dl is not
--- needed any more (best_valid), else J_dl is reported as soon as the seventh output has passed.
+-- needed any more (best_valid), else J_dl is reported as soon as the last output has passed.
 -- None of them changes an answer: a candidate is dropped only if it costs strictly more.
 --
 -- Formats: trajectory units inside, cost with RECIPROCAL_FRACTION fractional bits.
@@ -56,6 +57,8 @@ end entity explorer_paper;
 architecture rtl of explorer_paper is
 
   constant STAGE_COUNT : natural := 5;
+  constant FIRST_PHASE : natural := 3 + boolean'pos(HAS_NEUTRAL);              -- place of v_ph_a among the outputs
+  constant SERVED      : natural := FIRST_PHASE + 3 * boolean'pos(HAS_CAPACITORS); -- outputs that there are
   -- best cost plus the largest rounding error of effort/length, so that pruning is never too eager
   constant MARGIN : natural := 2 ** (EFFORT_WIDTH - 1);
   constant PRUNE_WIDTH : natural := COST_WIDTH + 1;
@@ -64,8 +67,8 @@ architecture rtl of explorer_paper is
     busy      : std_logic;
     candidate : candidate_t;
     setup     : std_logic;                          -- the clock of stage 1
-    issue     : natural range 0 to OUTPUTS;         -- next output for stage 2, OUTPUTS: all issued
-    passed    : natural range 0 to OUTPUTS;         -- outputs that have left stage 5
+    issue     : natural range 0 to SERVED;          -- next output for stage 2, SERVED: all issued
+    passed    : natural range 0 to SERVED;          -- outputs that have left stage 5
     dead      : std_logic;                          -- an output is outside at k or k+1
     violated  : std_logic;                          -- an output is outside at k+1
     excess    : trajectory_t;                       -- largest excess so far
@@ -85,7 +88,7 @@ architecture rtl of explorer_paper is
     rank      : rank_t;
   end record cost_state_t;
 
-  type outputs_t is array (1 to STAGE_COUNT) of natural range 0 to OUTPUTS - 1;
+  type outputs_t is array (1 to STAGE_COUNT) of natural range 0 to SERVED - 1;
 
   type lengths_t is array (0 to OUTPUTS - 1) of std_logic_vector(LENGTH_WIDTH - 1 downto 0);
 
@@ -113,6 +116,18 @@ architecture rtl of explorer_paper is
   end function first_reciprocals;
 
   constant INVERSES : inverses_t := first_reciprocals;
+
+  -- place of an output in the node
+  function error_of (output : natural) return natural is
+  begin
+
+    if (output >= FIRST_PHASE) then
+      return output - FIRST_PHASE + 4;
+    else
+      return output;
+    end if;
+
+  end function error_of;
 
   function shorter (a, b : std_logic_vector) return std_logic_vector is
   begin
@@ -159,9 +174,9 @@ architecture rtl of explorer_paper is
   signal excess_5 : trajectory_t;
 
   signal search_reset : std_logic;
-  signal search_start : std_logic_vector(OUTPUTS - 1 downto 0);
-  signal search_done  : std_logic_vector(OUTPUTS - 1 downto 0);
-  signal search_below : std_logic_vector(OUTPUTS - 1 downto 0);
+  signal search_start : std_logic_vector(SERVED - 1 downto 0);
+  signal search_done  : std_logic_vector(SERVED - 1 downto 0);
+  signal search_below : std_logic_vector(SERVED - 1 downto 0);
   signal lengths      : lengths_t;
   signal shorter_01   : std_logic_vector(LENGTH_WIDTH - 1 downto 0);
   signal shorter_23   : std_logic_vector(LENGTH_WIDTH - 1 downto 0);
@@ -227,23 +242,27 @@ begin
             bound_2  <= limits.bound_current;
           end if;
 
-          if (output_of(1) = 4 + phase) then
-            charge  := weighted(node.phase_current(phase),
-                                is_in(front.candidate.position(phase), CAPACITOR_DISCHARGE),
-                                is_in(front.candidate.position(phase), CAPACITOR_CHARGE));
-            base_2  <= resize(charge, TRAJECTORY_WIDTH);
-            bound_2 <= limits.bound_phase;
+          if (HAS_CAPACITORS) then
+            if (output_of(1) = FIRST_PHASE + phase) then
+              charge  := weighted(node.phase_current(phase),
+                                  is_in(front.candidate.position(phase), CAPACITOR_DISCHARGE),
+                                  is_in(front.candidate.position(phase), CAPACITOR_CHARGE));
+              base_2  <= resize(charge, TRAJECTORY_WIDTH);
+              bound_2 <= limits.bound_phase;
+            end if;
           end if;
         end loop;
 
-        if (output_of(1) = 3) then
-          base_2  <= neutral_1;
-          bound_2 <= limits.bound_neutral;
+        if (HAS_NEUTRAL) then
+          if (output_of(1) = 3) then
+            base_2  <= neutral_1;
+            bound_2 <= limits.bound_neutral;
+          end if;
         end if;
 
-        for i in 0 to OUTPUTS - 1 loop
+        for i in 0 to SERVED - 1 loop
           if (output_of(1) = i) then
-            error_2 <= node.error(i);
+            error_2 <= node.error(error_of(i));
           end if;
         end loop;
       end if;
@@ -304,8 +323,8 @@ begin
   end process p_valid;
 
   -- stage 1's registers are loaded once per candidate; the outputs are counted out of them
-  valid(1)     <= to_std_logic(front.busy = '1' and front.setup = '0' and front.issue /= OUTPUTS);
-  output_of(1) <= front.issue when front.issue /= OUTPUTS else
+  valid(1)     <= to_std_logic(front.busy = '1' and front.setup = '0' and front.issue /= SERVED);
+  output_of(1) <= front.issue when front.issue /= SERVED else
                   0;
 
   ---------------------------------------------------------------------------------------------
@@ -314,7 +333,7 @@ begin
 
   search_reset <= rst or accept;
 
-  g_searches : for i in 0 to OUTPUTS - 1 generate
+  g_searches : for i in 0 to SERVED - 1 generate
 
     search_start(i) <= to_std_logic(valid(4) = '1' and output_of(4) = i);
 
@@ -337,6 +356,10 @@ begin
       );
 
   end generate g_searches;
+
+  g_none : for i in SERVED to OUTPUTS - 1 generate
+    lengths(i) <= (others => '1');
+  end generate g_none;
 
   p_shortest : process (clk) is
   begin
@@ -427,7 +450,7 @@ begin
     if (front.busy = '1') then
       v.setup := '0';
 
-      if (front.setup = '0' and front.issue /= OUTPUTS) then
+      if (front.setup = '0' and front.issue /= SERVED) then
         v.issue := front.issue + 1;
       end if;
 
@@ -449,7 +472,7 @@ begin
       end if;
 
       if (front.candidate.probe = '1') then
-        if (front.violated = '1' or front.passed = OUTPUTS) then
+        if (front.violated = '1' or front.passed = SERVED) then
           probe_done <= '1';
           probe_held <= not front.violated;
           finished   := '1';
@@ -457,7 +480,7 @@ begin
       elsif (best_valid = '1' and (front.dead = '1' or search_below /= (search_below'range => '0'))) then
         -- cannot win, and J_dl is not needed any more
         finished := '1';
-      elsif (front.passed = OUTPUTS) then
+      elsif (front.passed = SERVED) then
         if (front.dead = '1') then
           hand_over <= back_free;
           finished  := back_free;

@@ -13,6 +13,8 @@ use ieee.fixed_pkg.all;
 
 use work.directmpc_kbest_registers_pkg.all;
 use work.reg_utils.all;
+use work.converter_leg.has_capacitors;
+use work.converter_leg.has_neutral;
 
 entity directmpc_kbest_registers is
     port (
@@ -2946,7 +2948,7 @@ begin
                 field_storage.bands.v_ph_high.value.value <= 16x"0";
             else
                 if field_combo.bands.v_ph_high.value.load_next then
-                    field_storage.bands.v_ph_high.value.value <= field_combo.bands.v_ph_high.value.next_q;
+                    if HAS_CAPACITORS then field_storage.bands.v_ph_high.value.value <= field_combo.bands.v_ph_high.value.next_q; end if;
                 end if;
             end if;
         end if;
@@ -2975,7 +2977,7 @@ begin
                 field_storage.bands.v_ph_low.value.value <= 16x"0";
             else
                 if field_combo.bands.v_ph_low.value.load_next then
-                    field_storage.bands.v_ph_low.value.value <= field_combo.bands.v_ph_low.value.next_q;
+                    if HAS_CAPACITORS then field_storage.bands.v_ph_low.value.value <= field_combo.bands.v_ph_low.value.next_q; end if;
                 end if;
             end if;
         end if;
@@ -3004,7 +3006,7 @@ begin
                 field_storage.bands.v_n_limit.value.value <= 16x"0";
             else
                 if field_combo.bands.v_n_limit.value.load_next then
-                    field_storage.bands.v_n_limit.value.value <= field_combo.bands.v_n_limit.value.next_q;
+                    if HAS_NEUTRAL then field_storage.bands.v_n_limit.value.value <= field_combo.bands.v_n_limit.value.next_q; end if;
                 end if;
             end if;
         end if;
@@ -3396,7 +3398,7 @@ begin
                 field_storage.measurements.v_n.value.value <= 16x"0";
             else
                 if field_combo.measurements.v_n.value.load_next then
-                    field_storage.measurements.v_n.value.value <= field_combo.measurements.v_n.value.next_q;
+                    if HAS_NEUTRAL then field_storage.measurements.v_n.value.value <= field_combo.measurements.v_n.value.next_q; end if;
                 end if;
             end if;
         end if;
@@ -3428,7 +3430,7 @@ begin
                 field_storage.measurements.v_ph_a.value.value <= 16x"0";
             else
                 if field_combo.measurements.v_ph_a.value.load_next then
-                    field_storage.measurements.v_ph_a.value.value <= field_combo.measurements.v_ph_a.value.next_q;
+                    if HAS_CAPACITORS then field_storage.measurements.v_ph_a.value.value <= field_combo.measurements.v_ph_a.value.next_q; end if;
                 end if;
             end if;
         end if;
@@ -3460,7 +3462,7 @@ begin
                 field_storage.measurements.v_ph_b.value.value <= 16x"0";
             else
                 if field_combo.measurements.v_ph_b.value.load_next then
-                    field_storage.measurements.v_ph_b.value.value <= field_combo.measurements.v_ph_b.value.next_q;
+                    if HAS_CAPACITORS then field_storage.measurements.v_ph_b.value.value <= field_combo.measurements.v_ph_b.value.next_q; end if;
                 end if;
             end if;
         end if;
@@ -3492,7 +3494,7 @@ begin
                 field_storage.measurements.v_ph_c.value.value <= 16x"0";
             else
                 if field_combo.measurements.v_ph_c.value.load_next then
-                    field_storage.measurements.v_ph_c.value.value <= field_combo.measurements.v_ph_c.value.next_q;
+                    if HAS_CAPACITORS then field_storage.measurements.v_ph_c.value.value <= field_combo.measurements.v_ph_c.value.next_q; end if;
                 end if;
             end if;
         end if;
