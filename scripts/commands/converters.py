@@ -12,7 +12,10 @@ from scripts.studies import converters
 @command()
 @option("--seeds", type=int, default=5, help="placements of each; 0: none")
 @option("--place", action="append", metavar="NAME", help="a converter to place; all without it")
-@option("--system", action="append", metavar="NAME", help="a converter whose system is counted")
+@option(
+    "--system", action="append", metavar="NAME",
+    help="a converter whose system is counted; without --place no core is",
+)  # fmt: skip
 @option("--page", action="store_true", help="write the table of docs/converters.md")
 def cli(given: argparse.Namespace) -> int | None:
     if given.seeds < 0:
@@ -21,8 +24,13 @@ def cli(given: argparse.Namespace) -> int | None:
         if unknown := sorted(set(asked) - set(converters.NAMES)):
             there = ", ".join(converters.NAMES)
             raise UsageError(f"argument --{name}: no converter '{unknown[0]}'; there are: {there}")
-    found = converters.table(given.seeds, given.place or converters.NAMES, given.system or ())
-    print(found)
+    found = {}
+    if given.place or not given.system:
+        cores = converters.table(given.seeds, given.place or converters.NAMES)
+        found[converters.BEGIN, converters.END] = cores
+    if given.system:
+        found[converters.SYSTEM_MARKS] = converters.systems(given.system)
+    print("\n\n".join(found.values()))
     if given.page:
-        tables.rewrite(converters.PAGE, {(converters.BEGIN, converters.END): found})
+        tables.rewrite(converters.PAGE, found)
     return 0

