@@ -27,7 +27,7 @@ from scripts.shared.tools import ROOT
 PAGE = ROOT / "docs" / "converters.md"
 BEGIN = "<!-- cores: begin (written by python -m scripts converters --page) -->"
 END = "<!-- cores: end -->"
-SYSTEM_MARKS = (BEGIN.replace("cores:", "systems:"), END.replace("cores:", "systems:"))
+SYSTEM_MARKS = ("<!-- systems: begin -->", "<!-- systems: end -->")
 
 NAMES = tables.NAMES
 DRIVE = "npc3l_3kv3"
