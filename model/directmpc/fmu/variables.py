@@ -393,13 +393,13 @@ def _row(numbers: np.ndarray) -> str:
 def plant(drive: PerUnitDrive | MptcDrive, name: str) -> Model:
     """The exact plant of a drive: machine and inverter with ideal switches at an imposed speed.
 
-    Per unit, SI for MPTC. ValueError for another converter than the usual one.
+    Per unit, SI for MPTC. A code that is no position counts as one that differs in a bit.
     """
     model = Model(name, f"Exact plant of {name}", "plant", drive.control.ts)
     if isinstance(drive, PerUnitDrive):
-        only_default(drive)
+        leg = drive.converter
         data = mpdcc_plant.plant_data(
-            drive.machine, drive.inverter.xdc, drive.inverter.xph, drive.ts_pu
+            drive.machine, drive.inverter.xdc, drive.inverter.xph, drive.ts_pu, leg
         )
         scale, unit = (
             2 * math.pi * drive.base.frequency,
@@ -407,8 +407,8 @@ def plant(drive: PerUnitDrive | MptcDrive, name: str) -> Model:
         )
 
         def matrix(positions: tuple[int, ...], omega: float) -> np.ndarray:
-            out = np.empty((8, 9))
-            mpdcc_plant._continuous(data, np.array(positions), omega, out)
+            out, known = np.empty((8, 9)), [leg.position_of_code[s] for s in positions]
+            mpdcc_plant._continuous(data, np.array(known), omega, out)
             return out
 
         states = [
@@ -423,7 +423,7 @@ def plant(drive: PerUnitDrive | MptcDrive, name: str) -> Model:
         ]
         switches, rest = ["s_a", "s_b", "s_c"], (0, 0, 0)
         product = (drive.machine.coupling, 2, 1, 3, 0)
-        starts = dict.fromkeys(states[5:], drive.inverter.vdc / 4)
+        starts = dict.fromkeys(states[5:], drive.inverter.vdc * leg.capacitor_share)
         starts["psir_alpha"] = float(getattr(drive.machine, "psi_m", 0.0))  # magnets, rotor at 0
     else:
         p = plant_parameters(drive)

@@ -239,8 +239,7 @@ def guard_words(drive: AnyDrive, clock: float, saturated: list[str]) -> dict[str
     }
     words["guard.frozen"] = drive.guard.frozen
     # registers of what the converter does not have stay 0
-    absent = drive.absent if isinstance(drive, PerUnitDrive) else ()
-    return words | {f"bands.{name}": 0 for name in absent}
+    return words | {f"bands.{name}": 0 for name in getattr(drive, "absent", ())}
 
 
 def _check_link(drive: AnyDrive, unit: str) -> None:
