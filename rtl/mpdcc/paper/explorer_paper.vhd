@@ -118,13 +118,13 @@ architecture rtl of explorer_paper is
   constant INVERSES : inverses_t := first_reciprocals;
 
   -- place of an output in the node
-  function error_of (output : natural) return natural is
+  function error_of (place : natural) return natural is
   begin
 
-    if (output >= FIRST_PHASE) then
-      return output - FIRST_PHASE + 4;
+    if (place >= FIRST_PHASE) then
+      return place - FIRST_PHASE + 4;
     else
-      return output;
+      return place;
     end if;
 
   end function error_of;
