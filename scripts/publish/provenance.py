@@ -124,7 +124,7 @@ APART: tuple[Callable[[], Iterable[Figure]], ...] = (
     ),
     _study(torture.RESULTS, "scripts.studies.torture.run"),
     _study(kept.SCALING, "scripts.studies.scaling"),
-    _study(upsets.RESULTS, "scripts.studies.upsets", rtl=("gate_guard",)),
+    _study(upsets.RESULTS, "scripts.studies.upsets", rtl=("gate_guard", "board_top")),
 )  # fmt: skip
 """What makes the figures of each command. A newcomer's times are of a machine and a day."""
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import struct
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -26,8 +27,13 @@ from typing import Any
 
 import numpy as np
 
+from directmpc.api.drive_file import load_mptc_drive
 from directmpc.converter import Converter
+from directmpc.host import protocol, registers
 from directmpc.host.gate_guard import LEGS
+from directmpc.host.protocol import Type
+from directmpc.mptc import bit_true
+from directmpc.mptc import coefficients as mptc_coefficients
 from scripts.hdl import conversion, netlist_check
 from scripts.hdl.sources import RTL
 from scripts.shared import progress, tables, tools
@@ -39,10 +45,10 @@ PAGE = ROOT / "reports" / "upsets.md"
 MARKS = ("<!-- upsets: begin (written by make upsets) -->", "<!-- upsets: end -->")
 HARNESS = ROOT / "scripts" / "hdl" / "upsets.cpp"
 TIMES = 24
-#: Flip-flops of a block.
-BLOCK = 64
+#: Flip-flops of a block, at least; and flips that the harness runs at a time.
+BLOCK, TOGETHER = 64, 255
 #: Changes of the gates without an upset, at least.
-LEAST_MOVES = 8
+LEAST_MOVES = 5
 #: SPI's clock, and names of inputs that have its value of a clock before.
 SCK, BEFORE = "spi_sck", "upset_before_"
 #: Outcome of the harness -> how it counts. The worst counts.
@@ -150,12 +156,91 @@ def _guard_run(leg: Converter) -> Run:
     return Run(inputs, begin + 20, over, over + period + 5 + 3 * dead, dead)
 
 
+#: The board's run: clocks of a bit of the UART, and of SCK; clocks of a write and of a step.
+UART_BIT, SCK_CLOCKS, WRITE_CLOCKS, STEP_CLOCKS = 4, 4, 1600, 2600
+BOARD_CLOCK = 25_000_000
+
+
+def _board_run(_: Converter) -> Run:
+    """A board: settings and steps of MPTC over SPI, while the UART reads; then a trip."""
+    drive = load_mptc_drive("induction_2kw2")
+    dead, number = 10, protocol.first_sequence(1)
+    found = registers.values(drive, clock=BOARD_CLOCK)
+    found.words |= {
+        "guard.dead_time": dead, "guard.minimum_on": 20, "guard.minimum_off": 20,
+        "guard.decision_limit": STEP_CLOCKS * 11 // 10, "guard.watchdog": 2 * STEP_CLOCKS,
+    }  # fmt: skip
+    places = registers.registers_of("mptc")
+    writes = [(address, word) for _, address, word in found.writes()]
+    writes += [(places["system.faults"][0], 0x7FFF), (places["system.control"][0], 1)]
+    requests = [(Type.WRITE, struct.pack("<HI", *one)) for one in writes]
+    begin = 100 + WRITE_CLOCKS * len(requests)
+    rng = np.random.default_rng(5)
+    chosen = mptc_coefficients.registers(drive).array()
+    u, steps = 0, 8
+    for step in range(steps):
+        current = found.words["guard.current_limit"]
+        angle, torque = rng.uniform(0, 2 * np.pi), int(rng.integers(-12000, 12000))
+        alpha, beta = (int(x) for x in rng.integers(-current // 3, current // 3, 2))
+        if step >= steps - 2:
+            alpha = current + 500
+        flux = (round(18000 * np.cos(angle)), round(18000 * np.sin(angle)))
+        measured = [alpha, beta, *flux, 6000, 32768, torque, 18000]
+        words = [word & 0xFFFF for word in measured]
+        requests.append((Type.STEP, protocol.step_payload(words, u, step + 1)))
+        told = np.empty((1, 3), dtype=np.int64)
+        bit_true.run_words(chosen, np.array([measured]), np.array([u]), told)
+        u = int(told[0, 0])
+    clocks = begin + steps * STEP_CLOCKS
+    high = ("uart_rx", "spi_cs_n", "steps_over_spi", "permit", "driver_fault_n", "driver_ready")
+    inputs = {name: np.ones(clocks, dtype=np.int64) for name in high}
+    inputs |= {name: np.zeros(clocks, dtype=np.int64) for name in (SCK, "spi_mosi")}
+    starts = [100 + WRITE_CLOCKS * k for k in range(len(requests) - steps)]
+    starts += [begin + STEP_CLOCKS * k for k in range(steps)]
+    for k, (start, (kind, payload)) in enumerate(zip(starts, requests, strict=True)):
+        frame = protocol.Frame(kind, number + k + 1, payload).wire()
+        last = k + 1 == len(starts)
+        length = ((clocks if last else starts[k + 1]) - start - 40) // (8 * SCK_CLOCKS)
+        _spi(inputs, start, frame + bytes(length - len(frame)))
+    for k in range(steps):
+        read = struct.pack("<H", places["system.status"][0])
+        _uart(inputs, begin + k * STEP_CLOCKS + 300, protocol.Frame(Type.READ, k + 1, read).wire())
+    over = begin + (steps - 2) * STEP_CLOCKS
+    # the frame, what serves it, what the guard takes
+    frame = protocol.Frame(*requests[-1][:1], 0, requests[-1][1]).wire()
+    deadline = over + 8 * SCK_CLOCKS * (len(frame) + 2) + 256 + 20
+    return Run(inputs, begin + 2 * STEP_CLOCKS, over, deadline, dead)
+
+
+def _spi(inputs: dict[str, np.ndarray], start: int, data: bytes) -> None:
+    """A transaction; bit by bit, the most significant first."""
+    bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8))
+    end = start + SCK_CLOCKS * len(bits)
+    inputs["spi_cs_n"][start - 10 : end + 10] = 0
+    inputs["spi_mosi"][start:end] = np.repeat(bits, SCK_CLOCKS)
+    high = [*[0] * (SCK_CLOCKS // 2), *[1] * (SCK_CLOCKS // 2)]
+    inputs[SCK][start:end] = np.tile(high, len(bits))
+
+
+def _uart(inputs: dict[str, np.ndarray], start: int, data: bytes) -> None:
+    """Bytes with a start bit and a stop bit."""
+    bits = [bit for byte in data for bit in (0, *(byte >> n & 1 for n in range(8)), 1)]
+    inputs["uart_rx"][start : start + UART_BIT * len(bits)] = np.repeat(bits, UART_BIT)
+
+
 _GUARD_PARTS = {
     "second supervisor": "second|disagree",
     "trip comparator": "i_comparator",
     "bands": "i_bands",
     "supervisor": r"i_supervisor|dead_time|rest_time|faults|running|live",
     "legs": ".",
+}
+_BOARD_PARTS = {
+    "gate guard": "i_guard",
+    "links": "i_host_link",
+    "core and observer": "i_core|i_observer",
+    "registers": "i_registers|in_force",
+    "rest": ".",
 }
 CASES = {
     f"gate guard, {LEGS[True].name}": Case(
@@ -169,6 +254,11 @@ CASES = {
     f"gate guard, {LEGS[False].name}, second supervisor": Case(
         "gate_guard", {"TABLED_LEG": False, "LEAST_DEAD_TIME": 2, "SECOND_SUPERVISOR": True},
         LEGS[False], ("gates", "faults"), _guard_run, _GUARD_PARTS,
+    ),
+    f"board, {LEGS[False].name}": Case(
+        "board_top",
+        {"CONTROLLER": 2, "CLOCK_HZ": BOARD_CLOCK, "BAUD": BOARD_CLOCK // UART_BIT},
+        LEGS[False], ("gates", "leds[1]"), _board_run, _BOARD_PARTS, 1,
     ),
 }  # fmt: skip
 
@@ -461,8 +551,9 @@ def _one(
             "unsafe": [],
         }
         document["cases"][name] = kept
-    starts = range(kept["done"], len(netlist.names), BLOCK)
-    ends = [min(start + BLOCK, len(netlist.names)) - 1 for start in starts]
+    block = max(BLOCK, TOGETHER // times)
+    starts = range(kept["done"], len(netlist.names), block)
+    ends = [min(start + block, len(netlist.names)) - 1 for start in starts]
     seed = document["seed"]
     try:
         with (

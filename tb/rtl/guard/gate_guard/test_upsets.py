@@ -1,7 +1,8 @@
-"""Single upsets of the guard's flip-flops, on the netlist that is mapped for ECP5.
+"""Single upsets of flip-flops, on the netlists that are mapped for ECP5.
 
-Sweep: ANPC and two-level legs; every flip-flop.
-Stimulus: a drive that runs and trips; each flip-flop turned over in two clocks of it.
+Sweep: guards of ANPC and two-level legs, every flip-flop; some flip-flops of each part of a board.
+Stimulus: a drive that runs and trips; each flip-flop turned over in two clocks of it, those of the
+board, whose host is on SPI, in one.
 Checks: no flip gives a shorted pattern for longer than one clock; every outcome is met; a campaign
 that was stopped goes on, one with another netlist begins again.
 Faults: an interlock that does not look behind the output registers, times without their parity, a
@@ -59,6 +60,17 @@ def test_no_upset_shorts_for_longer_than_a_clock(name: str) -> None:
         assert kinds[kind] >= 10, kind
 
 
+def test_no_upset_of_a_board_shorts_for_longer_than_a_clock() -> None:
+    case = upsets.CASES["board, two_level"]
+    with upsets.built(case) as (netlist, flips):
+        parts = [upsets.part_of(case, name) for name in netlist.names]
+        assert set(parts) == set(case.parts)
+        firsts = map(parts.index, case.parts)
+        found = [one for first in firsts for one in flips(1, 1, first, first + 49)]
+    assert max(one.shorted for one in found) <= 1
+    assert len({one.kind for one in found} - set(upsets.UNSAFE)) == 3
+
+
 def test_supervisors_that_are_not_compared_are_found(tmp_path: Path) -> None:
     rtl = altered(tmp_path, "gate_guard", "upset or disagree;", "upset;")
     name = "gate guard, two_level, second supervisor"
@@ -105,12 +117,12 @@ def test_the_page_has_what_is_kept() -> None:
     page = upsets.PAGE.read_text(encoding="utf-8")
     assert tables.inside(page, *upsets.MARKS).strip() == upsets.markdown(stored)
     safety = " ".join((ROOT / "docs" / "safety.md").read_text(encoding="utf-8").split())
-    (all5, n5), (all2, n2), (both, n), *_ = (
+    (all5, n5), (all2, n2), (both, n), (whole, few) = (
         (f"{case['done'] * case['times']:,}", len(case["unsafe"]))
         for case in stored["cases"].values()
     )
     assert f"Of {all5} flips (ANPC) {n5:,} were unsafe, of {all2} (two-level) {n2}," in safety
-    assert f"with a second supervisor {n} of {both}" in safety
+    assert f"with a second supervisor {n} of {both}, of a whole board {few} of {whole} " in safety
 
 
 @pytest.fixture
@@ -137,18 +149,18 @@ def test_a_campaign_goes_on_where_it_was_stopped(
     tmp_path: Path, netlists: dict[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "upsets.json"
-    arguments = ["gate guard, anpc5l", "--times", "3", "--out", str(path)]
+    arguments = ["gate guard, anpc5l", "--times", "12", "--out", str(path)]
     netlists["stop"] = "64"
     assert cli.main(arguments) == 1
     kept = upsets.read(path)["cases"]["gate guard, anpc5l"]
     assert kept["done"] == 64
-    assert kept["counts"]["supervisor"] == {"fault": 64 * 3}
+    assert kept["counts"]["supervisor"] == {"fault": 64 * 12}
     netlists["stop"] = "0"  # what is done is not done again
     assert cli.main(arguments) == 0
     kept = upsets.read(path)["cases"]["gate guard, anpc5l"]
     assert kept["done"] == 80
-    assert kept["counts"]["supervisor"] == {"fault": 80 * 3}
-    assert "| gate guard, anpc5l | all | 80 | 3 | 0 | 240 | 0 | 0 |" in capsys.readouterr().out
+    assert kept["counts"]["supervisor"] == {"fault": 80 * 12}
+    assert "| gate guard, anpc5l | all | 80 | 12 | 0 | 960 | 0 | 0 |" in capsys.readouterr().out
     netlists["text"] = "another netlist"
     assert cli.main(arguments) == 1  # begins at the first one, which fails
     assert upsets.read(path)["cases"]["gate guard, anpc5l"]["done"] == 0
