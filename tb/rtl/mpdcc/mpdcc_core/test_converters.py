@@ -72,8 +72,9 @@ def test_the_core_decides_as_its_model(
         ),
         ("fc3l", 'CHARGE : positions_mask_t := "010001', 'CHARGE : positions_mask_t := "010000'),
         ("two_level", "NEXT_LAST : next_last_t := (1, 1,", "NEXT_LAST : next_last_t := (0, 1,"),
+        ("anpc5l", 'positions_mask_t := "00000011', 'positions_mask_t := "00000010'),
     ],
-    ids=["neutral current", "weight", "last", "neutral voltage", "charge", "last of two"],
+    ids=["neutral current", "weight", "last", "neutral voltage", "charge", "last of two", "link"],
 )  # fmt: skip
 def test_a_slip_in_the_package_is_noticed(name: str, text: str, slip: str, tmp_path: Path) -> None:
     rtl = tmp_path / "rtl"
