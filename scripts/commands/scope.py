@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import argparse
 
-from directmpc.api.drive_file import load_drive
 from directmpc.host.link import LinkError
 from directmpc.host.rtl import BOARDS
 from directmpc.native import NativeError
 from directmpc.scope import command as page
 from scripts.hdl import native
-from scripts.shared import progress
 from scripts.shared.command import InputError, command
 from scripts.shared.tools import ToolError
 
 
 def served(given: argparse.Namespace) -> int:
-    """Serve the page; the virtual board's Verilog is written before.
+    """Serve the page; a virtual board's Verilog is written before it is built.
 
     Parameters
     ----------
@@ -36,11 +34,7 @@ def served(given: argparse.Namespace) -> int:
         If a file, a drive or an address cannot be used.
     """
     try:
-        if getattr(given, "source", page.VIRTUAL) == page.VIRTUAL:
-            drive = load_drive(given.drive or page.DEFAULTS["mpdcc"])
-            with progress.busy("conversion of the VHDL"):
-                native.write([BOARDS[drive.controller]])
-        return page.run(given)
+        return page.run(given, lambda controller: native.write([BOARDS[controller]]))
     except (NativeError, LinkError) as error:
         raise ToolError(str(error)) from None
     except ValueError as error:

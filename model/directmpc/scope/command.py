@@ -7,6 +7,7 @@ import math
 import sys
 import threading
 import webbrowser
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
@@ -64,9 +65,10 @@ def add_arguments(parser: argparse.ArgumentParser, *, demo: bool = False) -> Non
     parser.add_argument("--no-browser", action="store_true", help="open no page, print its address")
 
 
-def run(given: argparse.Namespace) -> int:
+def run(given: argparse.Namespace, convert: Callable[[str], None] | None = None) -> int:
     """Serve what was asked for until Ctrl-C or a signal.
 
+    `convert` is called with the controller of a virtual board before that is built, in a thread.
     ScopeError if a package is missing or the address cannot be listened on; the usual errors of a
     board, file or drive.
     """
@@ -90,7 +92,7 @@ def run(given: argparse.Namespace) -> int:
                 record = of_files(drive, path, given.decisions)
             title = f"{path.name} · {given.drive}"
         else:
-            drive, record, live, title = _board(stack, given, source)
+            drive, record, live, title = _board(stack, given, source, convert)
         server = _imported().Server(record, live, title, _token(given.host))
         try:
             return _serve(server, given, demo and live is not None, live)
@@ -119,7 +121,10 @@ def _names(path: Path) -> list[str]:
 
 
 def _board(
-    stack: ExitStack, given: argparse.Namespace, source: str
+    stack: ExitStack,
+    given: argparse.Namespace,
+    source: str,
+    convert: Callable[[str], None] | None,
 ) -> tuple[AnyDrive, Record, Live, str]:
     """A board with its rig; it is turned off when the stack is left."""
     _imported()
@@ -133,7 +138,7 @@ def _board(
             busy("virtual board: building, a minute the first time"),
             ThreadPoolExecutor(1) as pool,
         ):
-            building = pool.submit(Device, drive.controller)
+            building = pool.submit(_built, drive.controller, convert)
             compiled(drive, record)  # meanwhile, since both take a while
             device = building.result()
         board = stack.enter_context(Board(Link(SpiStream(device))))
@@ -148,6 +153,12 @@ def _board(
     stack.callback(live.close)
     name = "virtual board" if device else source
     return drive, record, live, f"{name} · {given.drive or DEFAULTS[drive.controller]}"
+
+
+def _built(controller: str, convert: Callable[[str], None] | None) -> Device:
+    if convert is not None:
+        convert(controller)
+    return Device(controller)
 
 
 def _token(host: str) -> str | None:
