@@ -30,6 +30,7 @@ import pytest
 
 from directmpc import load_drive, simulate
 from directmpc.distortion import thd
+from directmpc.host.gate_guard import FAULTS
 from directmpc.mpdcc.trace import write_decisions
 from directmpc.mptc.trace import write_decisions as write_two_level
 from directmpc.scope import record as records
@@ -318,6 +319,10 @@ def test_zoom_cursors_and_units_by_mouse_and_keys(
         page.page.keyboard.press("+")
         assert page.get("directmpc.view.until - directmpc.view.from") < size
         page.page.keyboard.press("-")
+        page.click("#narrower")
+        assert page.get("directmpc.view.until - directmpc.view.from") < size
+        page.click("#wider")
+        assert abs(page.get("directmpc.view.until - directmpc.view.from") - size) <= 2
         page.page.keyboard.press("0")
         assert page.get("[directmpc.view.from, directmpc.view.until]") == [0, STEPS]
         mouse.move(box["x"] + box["width"] / 2, middle)
@@ -342,6 +347,14 @@ def test_trigger_on_a_recorded_signal(browser: Any, recorded: Scope) -> None:
         row = page.get("directmpc.marks.t")
         before, at = (139.9 * page.get(f"directmpc.store.at('i_a', {k})") for k in (row - 1, row))
         assert before < 50 <= at
+        page.page.select_option("#edge", "down")
+        page.page.fill("#before", "20")
+        page.page.select_option("#mode", "normal")
+        page.until(f"directmpc.marks.t !== {row} && !directmpc.view.follows")
+        row = page.get("directmpc.marks.t")
+        before, at = (139.9 * page.get(f"directmpc.store.at('i_a', {k})") for k in (row - 1, row))
+        assert before > 50 >= at
+        assert row - page.get("directmpc.view.from") == 200
 
 
 def test_exports(browser: Any, recorded: Scope, result: Any, tmp_path: Path) -> None:
@@ -406,6 +419,9 @@ def test_a_drive_is_started_set_and_stopped(browser: Any, live: Scope) -> None:
         page.page.fill("#set-speed", "20")
         page.page.press("#set-speed", "Enter")
         page.until("Math.abs(directmpc.settings.find((s) => s.key === 'speed').value - 0.4) < 0.01")
+        page.page.focus("#slide-load")
+        page.page.keyboard.press("ArrowRight")
+        page.until(f"{SETTING % 'load'} > 0.3 && {SETTING % 'load'} < 0.31")
         page.page.fill("#set-bound_current", "28")
         page.page.fill("#set-lambda_n", "0.5")
         page.page.press("#set-lambda_n", "Tab")
@@ -482,6 +498,7 @@ def test_a_recording_is_shown_beside_the_run(browser: Any, tmp_path: Path) -> No
         "is_alpha": np.cos(steps[:255] / 9),
         "gates": steps[:255] % 63 + 1,
         "step": steps[:255],
+        "faults": np.where(steps[:255] == 254, 1 << FAULTS.index("driver"), 0),
     }
     recording = records.of_recording(drive, held, 254, ["external_trip"])
     live: Any = Tripped(recording)
@@ -501,6 +518,11 @@ def test_a_recording_is_shown_beside_the_run(browser: Any, tmp_path: Path) -> No
             shown = page.get("[...directmpc.store.part('i_a', 234, 255)]")
             assert np.allclose(shown, np.cos(steps[234:255] / 9), atol=1e-6)
             assert page.get("directmpc.store.edges") > 200, "the gates as they were recorded"
+            page.page.set_viewport_size({"width": 1500, "height": 6000})
+            page.click("#shown summary")
+            page.page.check("#choices input[value=faults]")
+            page.until("document.querySelector('#view-faults small')?.textContent === 'driver'")
+            page.click("#shown summary")
             page.click("#export summary")
             lines = page.saved("#export a[data-kind=csv]").decode().splitlines()
             assert len(lines) == 22

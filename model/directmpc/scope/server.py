@@ -34,6 +34,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from directmpc.host.gate_guard import FAULTS
 from directmpc.output_files import replacing
 from directmpc.scope import record as records
 from directmpc.scope.live import Live, OrderError
@@ -219,6 +220,7 @@ class Server:
                 "ts": record.ts,
                 "channels": record.signals.described(),
                 "gates": 24 if record.signals.five else 6,
+                "faults": FAULTS,
                 "live": live is not None,
                 "recorder": live is not None and live.recorder,
                 "settings": [s.described() for s in live.settings] if live else [],

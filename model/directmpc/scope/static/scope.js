@@ -3,7 +3,6 @@ import { Store, KEPT } from './store.js';
 import { View, viewsOf } from './views.js';
 
 const $ = (id) => document.getElementById(id);
-const FAULTS = ['external_trip', 'over_current', 'link_high', 'link_low', 'illegal_edge', 'late', 'missing', 'overrun', 'interlock', 'capacitor', 'neutral_point', 'over_speed', 'frozen'];
 const HISTORY = 20; // steps before a trip that a click on it shows
 const RECORDED = 1024; // steps of a board's recorder at most
 
@@ -14,7 +13,7 @@ const page = {
 
   channel(key) { return this.store.channels[this.store.place.get(key)] || this.store.channels[0]; },
   gateName(n) { const width = this.hello.gates / 3; return `${'abc'[Math.floor(n / width)]} ${width === 8 ? 'S' + (n % width + 1) : ['upper', 'lower'][n % 2]}`; },
-  faultNames(row) { const word = this.store.at('faults', row); return FAULTS.filter((_, n) => word >> n & 1).join(', ') || ' none'; },
+  faultNames(until) { const word = this.store.at('faults', Math.min(until, this.store.total) - 1); return this.hello.faults.filter((_, n) => word >> n & 1).join(', ') || ' none'; },
   // The least time between a gate that goes off and the next one of its leg that comes on.
   deadTime(from, until) {
     const width = this.hello.gates / 3, edges = this.store.edgesIn(from, until);

@@ -130,7 +130,7 @@ export class View {
       this.note.textContent = `dead time ${page.deadTime(xs[0], xs[xs.length - 1])}`;
     } else {
       this.plot.setData([xs, ...this.channels.map((c) => store.part(c.key, a, b, c.units[unit][1]))]);
-      this.note.textContent = this.channels[0].units[unit][0] + (this.name === 'faults' ? page.faultNames(b - 1) : '');
+      this.note.textContent = this.channels[0].units[unit][0] + (this.name === 'faults' ? page.faultNames(b) : '');
     }
   }
   drawXy(u) {
