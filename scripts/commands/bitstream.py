@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 from rich.console import Console
 
@@ -13,6 +14,11 @@ from scripts.hdl.boards import BOARDS, BUILDS, RECORDER_ROWS
 from scripts.measure import bitstream
 from scripts.publish import kept
 from scripts.shared.command import UsageError, command, count, option
+
+
+def _order(path: Path) -> tuple[str, bool]:
+    """By name; a build with a recorder before the one without."""
+    return path.name, path.parent == bitstream.FOLDER
 
 
 @command()
@@ -29,8 +35,8 @@ from scripts.shared.command import UsageError, command, count, option
 @option("--page", action="store_true", help="write reports/bitstreams.md's table")
 def cli(given: argparse.Namespace) -> int | None:
     if given.page:
-        # the board of the last name first, as on the page
-        files = sorted(bitstream.FOLDER.glob("*.result.json"), reverse=True)
+        # the last first, as on the page
+        files = sorted(bitstream.FOLDER.rglob("*.result.json"), key=_order, reverse=True)
         kept.keep_bitstreams(json.loads(path.read_text(encoding="utf-8")) for path in files)
         kept.bitstreams_page()
         return 0

@@ -278,6 +278,7 @@ def build(
         "board": board.name,
         "controller": controller,
         "explorers": explorers if controller == "mpdcc" else 0,
+        "recorder": board.recorder,
         "part": board.part,
         "clock_mhz": board.core_mhz(controller),
         "seeds": seeds,
@@ -379,6 +380,8 @@ def page(text: str, results: list[dict[str, Any]]) -> str:
         name = f"{found['board']}, {BUILDS[found['controller']]}"
         if found["explorers"]:
             name += f", {found['explorers']} explorer" + "s" * (found["explorers"] > 1)
+        if found.get("recorder"):
+            name += f", recorder of {found['recorder']} steps"
         reproduced = ", twice" if found.get("reproduced") else ""
         rows[name] = [
             name,

@@ -166,7 +166,7 @@ def keep_bitstreams(results: Iterable[Mapping[str, Any]], path: Path = BITSTREAM
     """Store what is known of bitstreams; those that were not built again stay at the end."""
 
     def _name(one: Mapping[str, Any]) -> tuple[Any, ...]:
-        return one["board"], one["controller"], one["explorers"]
+        return one["board"], one["controller"], one["explorers"], one.get("recorder", 0)
 
     fresh = list(results)
     known = _read(path) if path.exists() else []

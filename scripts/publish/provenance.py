@@ -72,6 +72,7 @@ def _bitstreams() -> Iterable[Figure]:
     rtl = _rtl("board_top")
     for one in _json(kept.BITSTREAMS):
         board, more = BOARDS[one["board"]], f"-{one['explorers']}" * (one["explorers"] > 1)
+        more += "-recorder" * bool(one.get("recorder"))
         yield Figure(
             f"bitstream-{board.name}-{one['controller']}{more}",
             one["commit"] + "-dirty" * one["modified"],

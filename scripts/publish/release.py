@@ -22,6 +22,7 @@ import sys
 import tarfile
 import tempfile
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import directmpc
@@ -175,7 +176,14 @@ def published() -> list[tuple[Board, str, int]]:
     """Bitstreams that reports/bitstreams.md shows."""
     known = json.loads(kept.BITSTREAMS.read_text(encoding="utf-8"))
     # the kind of core that has no explorers says 0 of them
-    return [(BOARDS[one["board"]], one["controller"], one["explorers"] or 1) for one in known]
+    return [
+        (
+            replace(BOARDS[one["board"]], recorder=one.get("recorder", 0)),
+            one["controller"],
+            one["explorers"] or 1,
+        )
+        for one in known
+    ]
 
 
 def vendor(out: Path, time: int) -> None:
@@ -244,7 +252,8 @@ def bitstreams(out: Path, time: int) -> None:
     del time
     for board, controller, explorers in published():
         _, bit = bitstream.build_all(board, controller, explorers, SEEDS)
-        shutil.copy(bit, out / f"directmpc-{VERSION}-{board.name}-{controller}.bit")
+        name = f"{board.name}-{controller}{'-recorder' * bool(board.recorder)}"
+        shutil.copy(bit, out / f"directmpc-{VERSION}-{name}.bit")
 
 
 #: Parts of a release: name -> what writes them, from the quickest to the slowest.

@@ -408,7 +408,8 @@ def of_boards(reports: Path = REPORTS) -> Section:
     for found in json.loads((reports / "bitstreams.json").read_text(encoding="utf-8")):
         used = {key: found["used"].get(kind, (0, 0))[0] for key, kind in RESOURCES.items()}
         clocks = {key: found[key] for key in ("clock_mhz", "fmax_worst_mhz", "seeds")}
-        put(section, (found["board"], found["controller"]), used | clocks)
+        build = found["controller"] + "_recorder" * bool(found.get("recorder"))
+        put(section, (found["board"], build), used | clocks)
     return section
 
 

@@ -244,5 +244,7 @@ def test_the_page_has_a_row_for_every_bitstream(flow: Any) -> None:
     both = bitstream.page(text, [found, found | {"controller": "family"}])
     names = [line.split(" | ")[0] for line in both.splitlines() if line.startswith("| ulx3s-")]
     assert names == ["| ulx3s-85f, MPTC", "| ulx3s-85f, MPTC family", "| ulx3s-12f, MPTC"]
+    beside = bitstream.page(text, [found, found | {"recorder": 256}])
+    assert "| ulx3s-85f, MPTC, recorder of 256 steps | 123 of 83640 |" in beside
     with pytest.raises(ToolError, match="markers"):
         bitstream.page("nothing", [found])

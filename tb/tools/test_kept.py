@@ -83,6 +83,9 @@ def test_bitstreams_that_were_not_built_again_stay_behind(tmp_path: Path) -> Non
     fresh = before[-1] | {"fmax_worst_mhz": 77.25, "commit": "c" * 40}
     kept.keep_bitstreams([fresh], path)
     assert json.loads(path.read_text("utf-8")) == [fresh, *before[:-1]]
+    kept.keep_bitstreams([fresh | {"recorder": 256}], path)
+    assert json.loads(path.read_text("utf-8"))[1:] == [fresh, *before[:-1]], "another board"
+    path.write_text(json.dumps([fresh, *before[:-1]]), "utf-8")
     kept.bitstreams_page(page, path)
     rows = [line for line in page.read_text("utf-8").splitlines() if line.startswith("| ulx3s-")]
     assert len(rows) == len(before)

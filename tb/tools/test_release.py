@@ -345,7 +345,8 @@ def test_every_bitstream_that_is_published_is_in_it(
 
     def _build(board: Board, controller: str, explorers: int, seeds: int) -> tuple[dict, Path]:
         assert (explorers, seeds) == (1, release.SEEDS)
-        bit.write_text(f"{board.name}-{controller}", encoding="utf-8")
+        recorder = "-recorder" * bool(board.recorder)
+        bit.write_text(f"{board.name}-{controller}{recorder}", encoding="utf-8")
         return {}, bit
 
     monkeypatch.setattr(release.bitstream, "build_all", _build)
@@ -354,6 +355,9 @@ def test_every_bitstream_that_is_published_is_in_it(
     release.bitstreams(out, TIME)
     found = {path.name: path.read_text(encoding="utf-8") for path in out.iterdir()}
     known = json.loads((ROOT / "reports" / "bitstreams.json").read_text(encoding="utf-8"))
-    names = {f"{one['board']}-{one['controller']}" for one in known}
+    names = {
+        f"{one['board']}-{one['controller']}{'-recorder' * bool(one.get('recorder'))}"
+        for one in known
+    }
     assert {"ulx3s-85f-mpdcc", "ulx3s-85f-mptc", "ulx3s-25f-mpdcc"} <= names
     assert found == {f"directmpc-{VERSION}-{name}.bit": name for name in names}
