@@ -304,7 +304,7 @@ def test_zoom_cursors_and_units_by_mouse_and_keys(
         a, b = page.get("[directmpc.marks.a, directmpc.marks.b]")
         assert a == pytest.approx(first + 0.2 * (last - first), abs=6)
         assert b == pytest.approx(first + 0.8 * (last - first), abs=6)
-        page.until("document.querySelectorAll('#cursors tr').length > 5")
+        page.until("!directmpc.dirty && directmpc.listed")
         rows = page.get(CURSORS)
         found = next(row for row in rows if row[0] == "i_a A")
         current = result.phase_currents[:, 0] * 139.9
@@ -322,7 +322,7 @@ def test_zoom_cursors_and_units_by_mouse_and_keys(
         page.click("#narrower")
         assert page.get("directmpc.view.until - directmpc.view.from") < size
         page.click("#wider")
-        assert abs(page.get("directmpc.view.until - directmpc.view.from") - size) <= 2
+        assert abs(page.get("directmpc.view.until - directmpc.view.from") - size) <= 8
         page.page.keyboard.press("0")
         assert page.get("[directmpc.view.from, directmpc.view.until]") == [0, STEPS]
         mouse.move(box["x"] + box["width"] / 2, middle)
