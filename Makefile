@@ -52,7 +52,7 @@ help: ## this list
 	@echo '  make run [WAVES=1] [ARGS="--trace trace.csv --decisions decisions.csv"]'
 	@echo '  make -s sources TOP=mpdcc_core'
 	@echo '  make pnr [SEEDS=5] [ARGS=--help]'
-	@echo '  make bitstream BOARD=ulx3s-85f [CONTROLLER=mpdcc|mptc|family]'
+	@echo '  make bitstream BOARD=ulx3s-85f [CONTROLLER=mpdcc|kbest|mptc|family]'
 
 $(READY): $(ROOT)/locks/requirements.txt $(ROOT)/locks/requirements-proofs.txt $(ROOT)/scripts/setup.sh
 	@'$(ROOT)/scripts/setup.sh' >&2
@@ -80,7 +80,7 @@ run: $(READY) ## the RTL controls the 6 kV drive in closed loop; prints and draw
 	@'$(PY)' -m scripts run $(if $(filter-out 0,$(WAVES)),--waves) $(ARGS)
 
 # worksteal: some of the syntheses take minutes, the others seconds
-test: $(READY) ## every kind of check, some of its cases (tb/tiers.toml); half an hour on two cores
+test: $(READY) ## every kind of check, some of its cases (tb/tiers.toml); five minutes on two cores
 	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' --dist worksteal -m 'not thorough' $(ARGS)
 
 # without MkDocs or Dask, the test that needs it says that it is skipped

@@ -21,13 +21,13 @@ def spread(count: int, keep: int) -> set[int]:
     """Numbers of ``keep`` cases out of ``count``, the first and the last among them."""
     if keep >= count:
         return set(range(count))
-    if keep == 1:
-        return {0}
+    if keep <= 1:
+        return set(range(keep))
     return {round(k * (count - 1) / (keep - 1)) for k in range(keep)}
 
 
 def kept_cases(rule: int | list[str], found: list[str]) -> set[int]:
-    """Numbers of the cases, called ``found``, that a rule of `sampled` keeps."""
+    """Numbers of the cases, called ``found``, that a rule keeps."""
     if isinstance(rule, int):
         return spread(len(found), rule)
     return {number for number, case in enumerate(found) if case in rule}
@@ -71,7 +71,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark what runs in ``make test-all`` alone."""
     with TIERS.open("rb") as stream:
-        tiers: dict[str, dict[str, Any]] = tomllib.load(stream)
+        rules: dict[str, int | list[str]] = tomllib.load(stream)["cases"]
     cases: dict[str, list[pytest.Item]] = {}
     for item in items:
         cases.setdefault(_function_of(item), []).append(item)
@@ -79,18 +79,16 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for function, found in cases.items():
         names = [_case_of(item) for item in found]
         # the first rule that matches is the one that counts
-        for kind in ("left_out", "sampled"):
-            rules = [one for one in tiers[kind] if fnmatch.fnmatchcase(function, one)]
-            matched |= set(rules)
-            if rules:
-                kept = kept_cases(tiers[kind][rules[0]], names) if kind == "sampled" else set()
-                matched |= {f"{rules[0]}[{name}]" for name in names}
-                for number, item in enumerate(found):
-                    if number not in kept:
-                        item.add_marker("thorough")
-                break
-    patterns = {rule for rules in tiers.values() for rule in rules}
-    for rule, cases in tiers["sampled"].items():
-        patterns |= {f"{rule}[{case}]" for case in cases} if isinstance(cases, list) else set()
+        rule = next((one for one in rules if fnmatch.fnmatchcase(function, one)), None)
+        if rule is None:
+            continue
+        kept = kept_cases(rules[rule], names)
+        matched |= {rule, *(f"{rule}[{name}]" for name in names)}
+        for number, item in enumerate(found):
+            if number not in kept:
+                item.add_marker("thorough")
+    patterns = set(rules)
+    for rule, wanted in rules.items():
+        patterns |= {f"{rule}[{case}]" for case in wanted} if isinstance(wanted, list) else set()
     if config.args == config.getini("testpaths") and (dead := sorted(patterns - matched)):
         raise pytest.UsageError(f"{TIERS.name}: no test matches {', '.join(dead)}")

@@ -151,9 +151,9 @@ def _ulx3s(size: str, controllers: tuple[str, ...]) -> Board:
 BOARDS = {
     board.name: board
     for board in (
-        _ulx3s("85f", ("mpdcc", "mptc", "family")),
-        _ulx3s("25f", ("mpdcc", "mptc", "family")),
-        _ulx3s("12f", ("mpdcc", "mptc", "family")),
+        _ulx3s("85f", ("mpdcc", "kbest", "mptc", "family")),
+        _ulx3s("25f", ("mpdcc", "kbest", "mptc", "family")),
+        _ulx3s("12f", ("mpdcc", "kbest", "mptc", "family")),
         Board(
             name="arty-s7-50",
             title="Digilent Arty S7-50, XC7S50",

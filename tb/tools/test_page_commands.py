@@ -233,7 +233,7 @@ def _other(name: str, arguments: Call) -> None:
             assert not rest or rest[0] == "make" or os.access(ROOT / rest[0], os.X_OK), rest
         case ["openFPGALoader", "-b", board, file]:
             assert re.fullmatch(
-                rf"build/bitstream/({'|'.join(BOARDS)})-(mpdcc|mptc|family)\.bit", file
+                rf"build/bitstream/({'|'.join(BOARDS)})-(mpdcc|kbest|mptc|family)\.bit", file
             )
             assert Path(file).name.startswith(board)
         case ["ghdl", "-a" | "-e" | "-r", "--std=93", *_]:

@@ -31,7 +31,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from directmpc.api.drive_file import load_drive
+from directmpc.api.drive_file import AnyDrive, load_drive
 from directmpc.host import gate_guard, lockstep
 from directmpc.host import protocol as p
 from directmpc.host.board import Board, TrippedError
@@ -39,7 +39,6 @@ from directmpc.host.link import Link, SerialStream
 from directmpc.host.protocol import Decision, Flag, Frame, Outcome, Splitter, Type
 from directmpc.host.registers import RegisterValues, registers_of, values
 from directmpc.mpdcc import trace
-from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.trace import MpdccTrace
 from directmpc.mptc import cycles as clocks_of_mptc
 from directmpc.mptc.drive import MptcDrive
@@ -61,7 +60,8 @@ from tb.rtl.boards.board_steps import (
 )
 
 ULX3S = BOARDS["ulx3s-85f"]
-STEPS = {"mpdcc": 200, "mptc": 150}
+STEPS = {"mpdcc": 200, "kbest": 60, "mptc": 150}
+DRIVES = {"mpdcc": MPDCC, "kbest": "anpc5l_6kv_kbest", "mptc": MPTC}
 OPTIONS = 60  # steps of MPDCC with every option of the second level
 BUDGET = 300
 SAMPLE = 15  # decisions of MPDCC that the RTL in GHDL makes as well
@@ -93,7 +93,7 @@ class Recorder(Board):
         return answer
 
 
-def loaded(board: Board, drive: Drive | MptcDrive, *, back: bool = True) -> RegisterValues:
+def loaded(board: Board, drive: AnyDrive, *, back: bool = True) -> RegisterValues:
     """A drive's registers, written, committed and read back."""
     capabilities = board.read("system.capabilities")
     built = [name for name in ("family", "sensorless") if capabilities.get(name)]
@@ -107,10 +107,10 @@ def loaded(board: Board, drive: Drive | MptcDrive, *, back: bool = True) -> Regi
 
 def gates_of(controller: str, answer: Decision) -> int:
     """Gates that are on in the decided position, as the port has them."""
-    if controller == "mpdcc":
-        legs, tabled_leg = list(answer.positions), True
-    else:
+    if controller == "mptc":
         legs, tabled_leg = [answer.position >> 5 - x & 1 for x in range(3)], False
+    else:
+        legs, tabled_leg = list(answer.positions), True
     on = [gate_guard.gates_of(tabled_leg, leg) for leg in legs]
     size = 8 if tabled_leg else 2
     return sum(1 << size * x + gate - 1 for x, gates in enumerate(on) for gate in gates)
@@ -118,12 +118,12 @@ def gates_of(controller: str, answer: Decision) -> int:
 
 def check_facts(board: Board, chosen: Generics) -> None:
     """Who it says it is, on the link and in its registers."""
-    mpdcc = chosen["CONTROLLER"] == 1
+    mpdcc, mptc = chosen["CONTROLLER"] == 1, chosen["CONTROLLER"] == 2
     who = board.identity
-    assert (board.controller == "mpdcc") is mpdcc
+    assert (board.controller == "mpdcc", board.controller == "mptc") == (mpdcc, mptc)
     assert who.version == p.VERSION
     assert who.explorers == (chosen["EXPLORERS"] if mpdcc else 0)
-    assert who.options == 2 + (not mpdcc)  # controls; MPFC is built in
+    assert who.options == 2 + mptc  # controls; MPFC is built in
     assert who.clock == chosen["CLOCK_HZ"]
     assert who.last_sequence == 0
     version = board.read("system.version")
@@ -133,8 +133,8 @@ def check_facts(board: Board, chosen: Generics) -> None:
     assert built["controller"] == chosen["CONTROLLER"]
     for option in ("second_level", "weighted_deadlock", "inwards"):
         assert built[option] == (mpdcc and chosen.get(option.upper(), True))
-    assert built["flux_control"] == (not mpdcc)
-    if not mpdcc:
+    assert built["flux_control"] == mptc
+    if mptc:
         for option in ("family", "sensorless"):
             assert built[option] == chosen.get(option.upper(), False)
     assert built["least_dead_time"] == -(-400 * int(chosen["CLOCK_HZ"]) // 10**9)  # 400 ns
@@ -149,7 +149,7 @@ def check_corruption(board: Recorder, stream: SerialStream, log: Path) -> Counte
 
     def kept_alive() -> int:
         """The watchdog wants a decision; gates after it."""
-        position = board.steps[-1][2].position & (0x1FF if board.is_mpdcc() else 7)
+        position = board.steps[-1][2].position & (7 if board.controller == "mptc" else 0x1FF)
         board.exchange(words, position)
         return board.read("system.gates")["gates"]
 
@@ -204,21 +204,21 @@ def prove(
         check_facts(board, chosen)
         name = board.controller
         steps = int(STEPS[name] * scale)
-        drive = load_drive(MPDCC if name == "mpdcc" else MPTC)
+        drive = load_drive(DRIVES[name])
         loaded(board, drive)
         assert board.read("system.commits")["count"] == 2  # the first is the reset's
         assert log.read_text() == "clock,gates\n"
         # counters are read with the gates off: that takes longer than the watchdog waits
         before, asked = board.counters(), board.link.sequence
         with lockstep.gates_enabled(board):
-            if name == "mpdcc":
+            if name != "mptc":
                 run, seen, decisions = lockstep.run_mpdcc(board, drive, 1.0, steps, "fast")
                 told = [answer.has(Flag.DEADLOCK) for _, _, answer in board.steps]
                 assert told == decisions.deadlock.astype(bool).tolist()
             else:
                 run = lockstep.run_mptc(board, drive, 1000.0, 5.0, 0.7, steps)
             # MPTC's decision reaches the gates with the next start
-            _, _, applied = board.steps[-1 if name == "mpdcc" else -2]
+            _, _, applied = board.steps[-2 if name == "mptc" else -1]
             assert run.differing == 0
             assert board.read("system.gates")["gates"] == gates_of(name, applied)
             status = board.read("system.status")
@@ -248,7 +248,7 @@ def prove(
             check_options(board, int(OPTIONS * scale))
             if folder is not None:
                 check_replay(folder, seen, decisions, run)
-        elif scale == 1.0:
+        elif name == "mptc" and scale == 1.0:
             flux = drive.with_control(method="MPFC")
             loaded(board, flux)
             assert lockstep.run_mptc(board, flux, 1000.0, 5.0, 0.7, 50).differing == 0
@@ -311,7 +311,7 @@ def synthesised(controller: str, folder: Path, monkeypatch: pytest.MonkeyPatch) 
     return read[0]
 
 
-@pytest.mark.parametrize("controller", ["mpdcc", "mptc", "family"])
+@pytest.mark.parametrize("controller", ["mpdcc", "kbest", "mptc", "family"])
 def test_the_bitstreams_netlist_controls_a_drive(
     controller: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -455,7 +455,7 @@ def core_of(chosen: Generics) -> dict[str, str]:
 
 def test_a_module_is_the_same_in_every_netlist_that_holds_it() -> None:
     # GHDL 2.0 has lost assignments to parts of a signal where something else in the design changed
-    for controller in ("mpdcc", "mptc", "family"):
+    for controller in ("mpdcc", "kbest", "mptc", "family"):
         here = modules_of("board_top", ULX3S.generics(controller))
         for name in (n for n, c in BUILDS if c == controller):
             chosen = BOARDS[name].generics(controller)
@@ -475,6 +475,8 @@ def test_a_module_is_the_same_in_every_netlist_that_holds_it() -> None:
             for only in (one, other):
                 assert {re.split(r"_\d", name)[0] for name in only} <= CLOCKED
         alone: list[tuple[str, Generics, int]] = [("mptc_core", {"FLUX_CONTROL": True}, 4)]
+        if controller == "kbest":
+            alone = [("kbest_core", {}, 4)]
         if controller == "family":
             alone = [("mptc_family_core", {}, 20)]
         if controller == "mpdcc":
