@@ -8,7 +8,6 @@ import os
 import signal
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import pytest
 

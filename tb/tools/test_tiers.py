@@ -18,7 +18,9 @@ import pytest
 from tb import conftest
 
 
-@pytest.mark.parametrize(("count", "keep"), [(1, 1), (8, 0), (8, 1), (8, 2), (8, 3), (126, 40), (3, 5)])
+@pytest.mark.parametrize(
+    ("count", "keep"), [(1, 1), (8, 0), (8, 1), (8, 2), (8, 3), (126, 40), (3, 5)]
+)
 def test_cases_are_spread(count: int, keep: int) -> None:
     kept = conftest.spread(count, keep)
     assert len(kept) == min(count, keep)
