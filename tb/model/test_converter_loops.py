@@ -19,7 +19,7 @@ from scipy.linalg import expm
 
 from directmpc import StateError, decide, load_drive, simulate
 from directmpc.csv_table import TraceError
-from directmpc.fmu.variables import plant as fmu_plant
+from directmpc.fmu.variables import system_of
 from directmpc.host.registers import values
 from directmpc.kbest.drive import KbestDrive
 from directmpc.mpdcc import closed_loop, ideal, metrics, tables, trace
@@ -145,4 +145,4 @@ def test_a_position_that_there_is_not(tmp_path: Path) -> None:
 def test_what_serves_the_usual_converter_alone() -> None:
     assert not any("v_ph" in said for said in values(drive_of("npc3l")).missing)
     with pytest.raises(ValueError, match=r'inverter\.topology: got "npc3l"; it must be "anpc5l"'):
-        fmu_plant(drive_of("npc3l"), "npc")
+        system_of(drive_of("npc3l"))
