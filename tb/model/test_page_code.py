@@ -24,6 +24,7 @@ import pytest
 from directmpc import load_drive
 from directmpc.host.board import Board
 from scripts.commands import replay
+from scripts.hdl import native
 from scripts.shared.tools import ROOT
 
 BLOCK = re.compile(r"^ *```([^\n]*)\n(.*?)^ *```$", re.M | re.S)
@@ -53,6 +54,7 @@ def blocks(name: str, language: str) -> list[str]:
 def test_python_of_a_page_runs(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    native.write(["mpdcc_core"])  # what the page has `make native` do
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     for code in blocks(name, "python"):
