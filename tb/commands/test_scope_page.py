@@ -425,6 +425,20 @@ def test_a_drive_is_started_set_and_stopped(browser: Any, live: Scope) -> None:
         page.click("#commit")
         page.until(f"Math.abs({SETTING % 'bound_current'} * 139.9 - 28) < 0.01")
         assert page.get(SETTING % "lambda_n") == 0.5
+        # sliders do what the fields do: a reference at once, a parameter with the commit
+        page.page.press("#slide-speed", "ArrowLeft")
+        slid = float(page.page.input_value("#slide-speed"))
+        assert 19 < slid < 20
+        page.until(
+            "Math.abs(directmpc.settings.find((s) => s.key === 'speed').value"
+            f" - {slid} / 50) < 0.001"
+        )
+        page.page.press("#slide-bound_current", "ArrowRight")
+        slid = float(page.page.input_value("#slide-bound_current"))
+        assert 28 < slid < 29
+        assert abs(float(page.page.input_value("#set-bound_current")) - slid) < 1e-3
+        page.click("#commit")
+        page.until(f"Math.abs({SETTING % 'bound_current'} * 139.9 - {slid}) < 0.02")
         # the band on the page is the new one, from one step to the next
         last = "directmpc.store.at('%s', directmpc.store.total - 1)"
         page.until(f"{last % 'i_a_high'} - {last % 'i_a_low'} > 0.35")

@@ -1,4 +1,4 @@
-"""The tiers of the tests: how cases are spread, and that a rule for nothing is an error.
+"""The tiers of the tests: how cases are spread, when sweeps are whole, rules for nothing.
 
 Sweep: numbers of cases and of those that are kept, cases by name; rules that match no test or case.
 Stimulus: none; the collection of pytest itself.
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import fnmatch
 import tomllib
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -42,11 +43,16 @@ class Item:
         self.marks.append(name)
 
 
-def collected(*nodes: str, whole: bool = False) -> list[Item]:
-    """The cases after the tiers were given out; `whole`: as if every test was asked for."""
+def collected(*nodes: str, whole: bool = False, every: bool = False) -> list[Item]:
+    """The cases after the tiers were given out; `whole`: all files, `every`: all cases."""
     items = [Item(node) for node in nodes]
     paths = ["tb"] if whole else list(nodes)
-    config = SimpleNamespace(args=paths, getini=lambda _: ["tb"])
+    config = SimpleNamespace(
+        args=paths,
+        getini=lambda _: ["tb"],
+        getoption=lambda _: every,
+        hook=SimpleNamespace(pytest_deselected=lambda items: None),
+    )
     conftest.pytest_collection_modifyitems(config, items)
     return items
 
@@ -68,12 +74,25 @@ def test_a_name_of_no_case_is_an_error() -> None:
         collected("tb/tools/test_budgets.py::test_resources_are_as_budgeted[x]", whole=True)
 
 
+@pytest.mark.parametrize(("whole", "every", "kept"), [(1, 0, 1), (1, 1, 3), (0, 0, 3)])
+def test_a_sweep_is_whole_where_that_is_asked_for(
+    whole: int, every: int, kept: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    tiers = tmp_path / "tiers.toml"
+    tiers.write_text('[cases]\n"tb/*" = 0\n[sweeps]\n"tb/*" = 1\n')
+    monkeypatch.setattr(conftest, "TIERS", tiers)
+    nodes = [f"tb/rtl/test_x.py::test_a_fault[{k}]" for k in range(3)]
+    items = collected(*nodes, whole=bool(whole), every=bool(every))
+    assert [item.marks for item in items] == [["thorough"]] * kept
+
+
 def test_a_rule_for_nothing_is_an_error() -> None:
     with pytest.raises(pytest.UsageError, match=r"tiers\.toml: no test matches .*test_budgets"):
         collected("tb/model/test_x.py::test_a_sum", whole=True)
 
 
-def test_these_tests_are_in_both_tiers() -> None:
-    rules = tomllib.loads(conftest.TIERS.read_text(encoding="utf-8"))["cases"]
+def test_these_tests_are_in_all_tiers() -> None:
+    tiers = tomllib.loads(conftest.TIERS.read_text(encoding="utf-8"))
+    rules = tiers["cases"] | tiers["sweeps"]
     here = "tb/tools/test_tiers.py::test_cases_are_spread"
     assert not any(fnmatch.fnmatchcase(here, rule) for rule in rules)
