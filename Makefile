@@ -84,7 +84,7 @@ test: $(READY) ## every kind of check, some of its cases (tb/tiers.toml); a quar
 	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' --dist worksteal -m 'not thorough' $(ARGS)
 
 # without MkDocs or Dask, the test that needs it says that it is skipped
-test-all: $(READY) ## every test, of long sweeps some cases; ARGS=--every-case for all
+test-all: $(READY) ## every test
 	@$(MAKE) --no-print-directory -f '$(firstword $(MAKEFILE_LIST))' '$(SITE_READY)' || echo 'test-all: the packages of the site cannot be installed' >&2
 	@$(MAKE) --no-print-directory -f '$(firstword $(MAKEFILE_LIST))' '$(CLUSTER_READY)' || echo 'test-all: the packages of the cluster cannot be installed' >&2
 	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' --dist worksteal $(ARGS)

@@ -1,7 +1,7 @@
-"""The tiers of the tests, see tiers.toml.
+"""The two tiers of the tests: ``make test`` runs what is not marked `thorough`, see tiers.toml.
 
-``make test`` runs what is not marked `thorough`, ``make test-all`` all but the cases that a sweep
-leaves out, and ``make test-all ARGS=--every-case`` these as well.
+``make test-all ARGS=--minutes=30`` begins no thorough case after half an hour. It runs a case of
+every test before it runs a second one, and the report says how many cases were left out.
 """
 
 from __future__ import annotations
@@ -10,16 +10,17 @@ import contextlib
 import fnmatch
 import os
 import signal
+import time
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 from scripts.shared import tools
 
-Rules = dict[str, int | list[str]]
 TIERS = Path(__file__).with_name("tiers.toml")
+BEGAN = time.monotonic()
 
 
 def spread(count: int, keep: int) -> set[int]:
@@ -38,25 +39,6 @@ def kept_cases(rule: int | list[str], found: list[str]) -> set[int]:
     return {number for number, case in enumerate(found) if case in rule}
 
 
-def kept_by(rules: Rules, cases: Mapping[str, Sequence[pytest.Item]]) -> tuple[set[str], set[str]]:
-    """Tests that the rules keep, and the rules and named cases that match nothing."""
-    kept: set[str] = set()
-    matched: set[str] = set()
-    for function, found in cases.items():
-        names = [_case_of(item) for item in found]
-        # the first rule that matches is the one that counts
-        rule = next((one for one in rules if fnmatch.fnmatchcase(function, one)), None)
-        if rule is None:
-            kept |= {item.nodeid for item in found}
-            continue
-        kept |= {found[number].nodeid for number in kept_cases(rules[rule], names)}
-        matched |= {rule, *(f"{rule}[{name}]" for name in names)}
-    patterns = set(rules)
-    for rule, wanted in rules.items():
-        patterns |= {f"{rule}[{case}]" for case in wanted} if isinstance(wanted, list) else set()
-    return kept, patterns - matched
-
-
 def _case_of(item: pytest.Item) -> str:
     """The name of a case: what stands in brackets behind its test function."""
     return item.nodeid.partition("[")[2].removesuffix("]")
@@ -67,9 +49,32 @@ def _function_of(item: pytest.Item) -> str:
     return item.nodeid.partition("[")[0]
 
 
+def in_turn(items: Sequence[pytest.Item], parts: int) -> list[pytest.Item]:
+    """What runs in ``make test`` and a case of every other test, then the rest.
+
+    Each part has both, since every process begins with a part of its own.
+    """
+    thorough = {item.nodeid for item in items if item.get_closest_marker("thorough")}
+    seen = {_function_of(item) for item in items if item.nodeid not in thorough}
+    early: list[pytest.Item] = []
+    late: list[pytest.Item] = []
+    for item in items:
+        function = _function_of(item)
+        (late if item.nodeid in thorough and function in seen else early).append(item)
+        seen.add(function)
+    return [
+        item
+        for part in range(parts)
+        for half in (early, late)
+        for item in half[len(half) * part // parts : len(half) * (part + 1) // parts]
+    ]
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """An option for whole sweeps, and one for those who change a netlist."""
-    parser.addoption("--every-case", action="store_true", help="sweeps whole, see tb/tiers.toml")
+    """Options for those who have little time, and for those who change a netlist."""
+    parser.addoption(
+        "--minutes", type=float, help="begin no thorough case after so many minutes"
+    )  # fmt: skip
     parser.addoption(
         "--note-decided", action="store_true",
         help="simulate every netlist and note those that decide rightly, see helpers/decided.py",
@@ -94,22 +99,38 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark what ``make test`` leaves out; take out what ``make test-all`` leaves out as well."""
+    """Mark what runs in ``make test-all`` alone."""
     with TIERS.open("rb") as stream:
-        tiers: dict[str, Rules] = tomllib.load(stream)
+        rules: dict[str, int | list[str]] = tomllib.load(stream)["cases"]
     cases: dict[str, list[pytest.Item]] = {}
     for item in items:
         cases.setdefault(_function_of(item), []).append(item)
-    quick, dead = kept_by(tiers["cases"], cases)
-    swept, dead_too = kept_by(tiers["sweeps"], cases)
-    whole = config.args == config.getini("testpaths")
-    if whole and (dead := sorted(dead | dead_too)):
+    matched: set[str] = set()
+    for function, found in cases.items():
+        names = [_case_of(item) for item in found]
+        # the first rule that matches is the one that counts
+        rule = next((one for one in rules if fnmatch.fnmatchcase(function, one)), None)
+        if rule is None:
+            continue
+        kept = kept_cases(rules[rule], names)
+        matched |= {rule, *(f"{rule}[{name}]" for name in names)}
+        for number, item in enumerate(found):
+            if number not in kept:
+                item.add_marker("thorough")
+    patterns = set(rules)
+    for rule, wanted in rules.items():
+        patterns |= {f"{rule}[{case}]" for case in wanted} if isinstance(wanted, list) else set()
+    if config.args == config.getini("testpaths") and (dead := sorted(patterns - matched)):
         raise pytest.UsageError(f"{TIERS.name}: no test matches {', '.join(dead)}")
-    for item in items:
-        if item.nodeid not in quick:
-            item.add_marker("thorough")
-    left = [item for item in items if item.nodeid not in quick | swept]
-    # who names a case wants it
-    if whole and left and not config.getoption("every_case"):
-        config.hook.pytest_deselected(items=left)
-        items[:] = [item for item in items if item.nodeid in quick | swept]
+    if config.getoption("minutes") is not None:
+        items[:] = in_turn(items, int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Leave a thorough case out where the time is up."""
+    minutes = item.config.getoption("minutes")
+    if minutes is None or not item.get_closest_marker("thorough"):
+        return
+    if time.monotonic() - BEGAN > 60 * minutes:
+        pytest.skip(f"thorough, and the {minutes:g} minutes are over")

@@ -87,15 +87,14 @@ NEEDED = {"material": "make site", "distributed": "make cluster", "cyclonedx_py"
 
 
 def refuse_red_tests(jobs: int) -> None:
-    """Run lint and every case of every test."""
+    """Run lint and every test, as `make lint` and `make test-all` do."""
     for package, command in NEEDED.items():
         if importlib.util.find_spec(package) is None:
             raise ToolError(f"tests need the package {package}; `{command}` installs it")
     lint = [sys.executable, "-m", "scripts", "lint"]
     if code := subprocess.run(lint, cwd=ROOT, check=False).returncode:
         raise ToolError(f"lint ended with exit code {code}; see `make lint`")
-    command = [sys.executable, "-m", "pytest", "--every-case"]
-    command += ["-n", str(jobs), "--dist", "worksteal"]
+    command = [sys.executable, "-m", "pytest", "-n", str(jobs), "--dist", "worksteal"]
     if code := subprocess.run(command, cwd=ROOT, check=False).returncode:
         raise ToolError(f"the tests ended with exit code {code}; see `make test-all`")
 

@@ -538,7 +538,7 @@ def test_ci_runs_lint_then_all_tests_and_a_bare_machine(machine, integration) ->
     assert done.returncode == 0, done.stderr
     first, *others = machine.log.read_text().splitlines()
     assert first == "make --no-print-directory lint"
-    tests = "make --no-print-directory test-all with ghdl-llvm"
+    tests = "make --no-print-directory test-all ARGS=--minutes=30 with ghdl-llvm"
     machines = [line for line in others if line != tests]
     suites = ("bookworm", "trixie", "testing")
     assert machines == [f"fresh_machine --suite {suite} make run" for suite in suites]
@@ -605,7 +605,7 @@ def test_ci_takes_the_faster_simulator_where_it_can(machine, integration, code) 
     assert done.returncode == 0
     assert (" ghdl-llvm\n" in machine.log.read_text()) == (code == 0)
     assert ("that failed; the tests take more time" in done.stdout) == (code != 0)
-    assert ("test-all with ghdl-llvm" in machine.log.read_text()) == (code == 0)
+    assert ("=30 with ghdl-llvm" in machine.log.read_text()) == (code == 0)
 
 
 def test_ci_fails_where_mmdebstrap_cannot_be_installed(machine, integration) -> None:

@@ -1,4 +1,4 @@
-"""The tiers of the tests: how cases are spread, when sweeps are whole, rules for nothing.
+"""The tiers of the tests: how cases are spread, which have their turn, rules for nothing.
 
 Sweep: numbers of cases and of those that are kept, cases by name; rules that match no test or case.
 Stimulus: none; the collection of pytest itself.
@@ -10,9 +10,10 @@ Does not prove: that the cases in `make test` are the best ones.
 from __future__ import annotations
 
 import fnmatch
+import time
 import tomllib
-from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -34,6 +35,8 @@ def test_cases_are_spread(count: int, keep: int) -> None:
 class Item:
     """A collected case."""
 
+    config: Any
+
     def __init__(self, nodeid: str) -> None:
         self.nodeid = nodeid
         self.marks: list[str] = []
@@ -42,17 +45,16 @@ class Item:
         """Note a mark."""
         self.marks.append(name)
 
+    def get_closest_marker(self, name: str) -> bool:
+        """Whether it has the mark."""
+        return name in self.marks
 
-def collected(*nodes: str, whole: bool = False, every: bool = False) -> list[Item]:
-    """The cases after the tiers were given out; `whole`: all files, `every`: all cases."""
+
+def collected(*nodes: str, whole: bool = False) -> list[Item]:
+    """The cases after the tiers were given out; `whole`: as if every test was asked for."""
     items = [Item(node) for node in nodes]
     paths = ["tb"] if whole else list(nodes)
-    config = SimpleNamespace(
-        args=paths,
-        getini=lambda _: ["tb"],
-        getoption=lambda _: every,
-        hook=SimpleNamespace(pytest_deselected=lambda items: None),
-    )
+    config = SimpleNamespace(args=paths, getini=lambda _: ["tb"], getoption=lambda _: None)
     conftest.pytest_collection_modifyitems(config, items)
     return items
 
@@ -69,21 +71,42 @@ def test_cases_are_kept_by_name() -> None:
     assert [item.marks for item in items] == [[], ["thorough"]]
 
 
+def test_with_little_time_every_test_has_its_turn_first() -> None:
+    items = [Item(name) for name in ("a[0]", "a[1]", "b[0]", "b[1]", "b[2]", "c")]
+    for item in items[1:5]:
+        item.add_marker("thorough")
+    given = [item.nodeid for item in conftest.in_turn(items, 1)]
+    assert given == ["a[0]", "b[0]", "c", "a[1]", "b[1]", "b[2]"]
+    given = [item.nodeid for item in conftest.in_turn(items, 2)]
+    assert given == ["a[0]", "a[1]", "b[0]", "c", "b[1]", "b[2]"]
+
+
+@pytest.mark.parametrize(
+    ("minutes", "marks", "left_out"),
+    [
+        (1, ["thorough"], True),
+        (1, [], False),
+        (3, ["thorough"], False),
+        (None, ["thorough"], False),
+    ],
+)
+def test_no_thorough_case_begins_after_the_time(
+    minutes: float | None, marks: list[str], left_out: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(conftest, "BEGAN", time.monotonic() - 120)
+    item = Item("a")
+    item.marks = marks
+    item.config = SimpleNamespace(getoption=lambda _: minutes)
+    if left_out:
+        with pytest.raises(pytest.skip.Exception, match="the 1 minutes are over"):
+            conftest.pytest_runtest_setup(item)
+    else:
+        conftest.pytest_runtest_setup(item)
+
+
 def test_a_name_of_no_case_is_an_error() -> None:
     with pytest.raises(pytest.UsageError, match=r"tiers\.toml: no test .*\[gate_guard-ecp5\]"):
         collected("tb/tools/test_budgets.py::test_resources_are_as_budgeted[x]", whole=True)
-
-
-@pytest.mark.parametrize(("whole", "every", "kept"), [(1, 0, 1), (1, 1, 3), (0, 0, 3)])
-def test_a_sweep_is_whole_where_that_is_asked_for(
-    whole: int, every: int, kept: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    tiers = tmp_path / "tiers.toml"
-    tiers.write_text('[cases]\n"tb/*" = 0\n[sweeps]\n"tb/*" = 1\n')
-    monkeypatch.setattr(conftest, "TIERS", tiers)
-    nodes = [f"tb/rtl/test_x.py::test_a_fault[{k}]" for k in range(3)]
-    items = collected(*nodes, whole=bool(whole), every=bool(every))
-    assert [item.marks for item in items] == [["thorough"]] * kept
 
 
 def test_a_rule_for_nothing_is_an_error() -> None:
@@ -91,8 +114,7 @@ def test_a_rule_for_nothing_is_an_error() -> None:
         collected("tb/model/test_x.py::test_a_sum", whole=True)
 
 
-def test_these_tests_are_in_all_tiers() -> None:
-    tiers = tomllib.loads(conftest.TIERS.read_text(encoding="utf-8"))
-    rules = tiers["cases"] | tiers["sweeps"]
+def test_these_tests_are_in_both_tiers() -> None:
+    rules = tomllib.loads(conftest.TIERS.read_text(encoding="utf-8"))["cases"]
     here = "tb/tools/test_tiers.py::test_cases_are_spread"
     assert not any(fnmatch.fnmatchcase(here, rule) for rule in rules)
