@@ -80,7 +80,7 @@ run: $(READY) ## the RTL controls the 6 kV drive in closed loop; prints and draw
 	@'$(PY)' -m scripts run $(if $(filter-out 0,$(WAVES)),--waves) $(ARGS)
 
 # worksteal: some of the syntheses take minutes, the others seconds
-test: $(READY) ## every kind of check, some of its cases (tb/tiers.toml); a quarter of an hour on two cores
+test: $(READY) ## every kind of check, some of its cases (tb/tiers.toml); half an hour on two cores
 	@cd '$(ROOT)' && '$(PY_HERE)' -m pytest -n '$(JOBS)' --dist worksteal -m 'not thorough' $(ARGS)
 
 # without MkDocs or Dask, the test that needs it says that it is skipped

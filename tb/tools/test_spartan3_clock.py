@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from scripts.measure import budgets
 from scripts.measure import spartan3_clock as clock
 from scripts.shared import tables
 from scripts.shared.tools import ToolError
@@ -111,4 +112,7 @@ def test_a_core_estimated_again_is_the_files() -> None:
     name = "`mptc_core`"
     found = clock.estimate(*clock.CONFIGURATIONS[name], force=True)
     (stored,) = (r for r in tables.read_csv(clock.REPORT) if r["configuration"] == name)
-    assert found.delay == pytest.approx(float(stored["delay_ns"]), abs=0.006)
+    # another GHDL writes other logic between the registers
+    same = budgets.versions()["ghdl"] == budgets.load().tools["ghdl"]
+    near = {"abs": 0.006} if same else {"rel": 0.1}
+    assert found.delay == pytest.approx(float(stored["delay_ns"]), **near)
