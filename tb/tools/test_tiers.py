@@ -1,8 +1,10 @@
-"""The tiers of the tests: how cases are spread, which have their turn, rules for nothing.
+"""The tiers of the tests: how cases are spread, which come first, when no more begin.
 
-Sweep: numbers of cases and of those that are kept, cases by name; rules that match no test or case.
+Sweep: numbers of cases and of those that are kept, cases by name; rules that match no test or case;
+processes; times.
 Stimulus: none; the collection of pytest itself.
-Checks: the first and the last case are kept, as many as asked for; the error names the pattern.
+Checks: the first and the last case are kept, as many as asked for; the error names the pattern;
+with little time each process has a case of every test first, and no thorough one after the time.
 Timing: none.
 Does not prove: that the cases in `make test` are the best ones.
 """
@@ -98,7 +100,7 @@ def test_no_thorough_case_begins_after_the_time(
     item.marks = marks
     item.config = SimpleNamespace(getoption=lambda _: minutes)
     if left_out:
-        with pytest.raises(pytest.skip.Exception, match="the 1 minutes are over"):
+        with pytest.raises(pytest.skip.Exception, match="time of --minutes is over"):
             conftest.pytest_runtest_setup(item)
     else:
         conftest.pytest_runtest_setup(item)

@@ -66,7 +66,7 @@ def test_no_upset_of_a_board_shorts_for_longer_than_a_clock() -> None:
         parts = [upsets.part_of(case, name) for name in netlist.names]
         assert set(parts) == set(case.parts)
         firsts = map(parts.index, case.parts)
-        found = [one for first in firsts for one in flips(1, 1, first, first + 9)]
+        found = [one for first in firsts for one in flips(1, 1, first, first + 49)]
     assert max(one.shorted for one in found) <= 1
     assert len({one.kind for one in found} - set(upsets.UNSAFE)) == 3
 
