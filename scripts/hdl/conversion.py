@@ -761,7 +761,13 @@ def cached(
 
 
 def is_cached(top: str, generics: Generics, *, rtl: Path = sources.RTL) -> bool:
-    """Whether `cached` has nothing to convert."""
+    """Whether `cached` has nothing to convert. Where it never converted, no tool is asked.
+
+    Yosys takes a minute of all cores when it is first asked for its version.
+    """
+    stem = tools.configuration_name(top, generics)
+    if next((tools.BUILD / "netlist").glob(f"{stem}-*.v"), None) is None:
+        return False
     try:
         return _kept(top, generics, None, rtl)[0].exists()
     except tools.ToolError:  # a tool is missing

@@ -624,3 +624,10 @@ def test_a_vector_taken_from_a_number_is_converted_the_other_way_round(tmp_path)
     path.write_text(LESS, encoding="ascii")
     text, _ = netlist.convert("less", {}, tmp_path / "less.v", files=[path])
     assert "a - 8'b00000010" in text.read_text(encoding="utf-8")
+
+
+def test_what_was_never_converted_asks_no_tool(monkeypatch, tmp_path) -> None:
+    """`make run` asks it at once, and Yosys' first word takes a minute."""
+    monkeypatch.setattr(tools, "BUILD", tmp_path)
+    monkeypatch.setattr(tools, "version", lambda name: pytest.fail(f"{name} was asked"))
+    assert not netlist.is_cached("mpdcc_core", {})
