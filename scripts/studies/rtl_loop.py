@@ -6,8 +6,10 @@ model on the states that the plant went through, and compared with the ideal con
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
+import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -35,7 +37,7 @@ from directmpc.mpdcc.drive import Drive
 from directmpc.mpdcc.errors import NO_ERRORS, DriveErrors
 from directmpc.mpdcc.formats import LENGTH_WIDTH, MEASUREMENTS
 from directmpc.mpdcc.leakage import LeakageEstimate
-from directmpc.mpdcc.trace import Decisions
+from directmpc.mpdcc.trace import Decisions, MpdccTrace
 from directmpc.mpdcc.variants import VARIANTS, count_differences
 from scripts.hdl import mpdcc_simulation
 from scripts.hdl import native as natives
@@ -128,6 +130,7 @@ def simulate(
             result = around(None, progress)
         else:
             job = Job(values, loop=around, waves=waves)
+            threading.Thread(target=_compile, args=(drive, variant), daemon=True).start()
             result = mpdcc_simulation.simulate(job, explorers, variant, progress)["run"]
     seconds = time.perf_counter() - began
     result = replace(result, shadow=ideal.run(drive, result.seen))
@@ -142,6 +145,20 @@ def simulate(
         flux_observer=flux_observer,
         errors=errors,
     )
+
+
+def _compile(drive: Drive, variant: str) -> None:
+    """Let numba compile what judges a run while the simulator is at it, which is another process.
+
+    At the first run of all that takes longer than the simulation.
+    """
+    none = np.zeros((1, 4))
+    row = MpdccTrace(
+        none, none, np.ones(1), none[:, :2], none[0, :1], none[0, :1], np.zeros((1, 3), np.int64)
+    )
+    with contextlib.suppress(ValueError):  # the run itself says what is wrong
+        ideal.run(drive, row)
+        VARIANTS[variant].run(drive, row)
 
 
 def _around(
