@@ -177,7 +177,7 @@ fi
 # The packages of requirements.txt: those with a comment by name, the others by their number.
 say_requirements() {
   local listed
-  listed="$(sed -nE 's/^([A-Za-z0-9_.-]+)==([^ ]+) *# *(.*)$/\1 \2 \3/p' "$root/requirements.txt")"
+  listed="$(sed -nE 's/^([A-Za-z0-9_.-]+)==([^ ;]+)[^#]*# *(.*)$/\1 \2 \3/p' "$root/requirements.txt")"
   while read -r name version text; do
     [ -z "$name" ] || say "$(printf '  %-22s %-18s %s' "$name" "$version" "$text")"
   done <<<"$listed"

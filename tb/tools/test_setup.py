@@ -666,7 +666,7 @@ def test_a_long_installation_is_not_silent() -> None:
 @pytest.mark.parametrize("name", sorted(path.name for path in ROOT.glob("requirements*.txt")))
 def test_every_version_has_its_hashes(name: str) -> None:
     """`make lock` was run after the last change."""
-    pinned = re.compile(r"^([\w.\[\],-]+)==([^\s#]+)", re.M)
+    pinned = re.compile(r"^([\w.\[\],-]+)==([^\s#;]+)", re.M)
 
     def versions(path: Path) -> set[tuple[str, str]]:
         found = pinned.findall(path.read_text(encoding="utf-8"))
