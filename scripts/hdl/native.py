@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from directmpc.mpdcc import tables
-from directmpc.mpdcc.variants import VARIANTS, library_of
+from directmpc.mpdcc.variants import VARIANTS, library_of, with_converter
 from directmpc.native import NativeError, library
 from directmpc.native.library import VERILOG
 from scripts.hdl import conversion, converter_package
@@ -26,14 +26,16 @@ OPTIONS: Generics = {"SECOND_LEVEL": True, "WEIGHTED_DEADLOCK": True, "INWARDS":
 #: Steps that the recorder of a board keeps, less one.
 RECORDER = 256
 CORES: dict[str, Generics] = {"fast": OPTIONS, "paper": {"FOLDED": True}}
-#: Library of a variant's core and converter -> the converter.
-CONVERTERS = {library_of(v, name): name for name in tables.NAMES for v in VARIANTS}
+#: Library of a system with the tables of a converter -> the converter.
+SYSTEMS = {with_converter("mpdcc_system", name): name for name in tables.NAMES}
+#: The same of a variant's core.
+CONVERTERS = {library_of(v, name): name for name in tables.NAMES for v in VARIANTS} | SYSTEMS
 #: Design -> entity and generics.
 DESIGNS: dict[str, tuple[str, Generics]] = {
     **{library_of(v, name): ("mpdcc_core", CORES[v]) for name in tables.NAMES for v in VARIANTS},
     "mptc_core": ("mptc_core", {}),
     "mptc_family_core": ("mptc_family_core", {}),
-    "mpdcc_system": ("mpdcc_system", {}),
+    **dict.fromkeys(SYSTEMS, ("mpdcc_system", {})),
     "mptc_system": ("mptc_system", {}),
     "mptc_family_system": ("mptc_system", {"FAMILY": True}),
     "kbest_system": ("kbest_system", {}),

@@ -142,7 +142,6 @@ def test_a_position_that_there_is_not(tmp_path: Path) -> None:
         trace.read_trace(file, drive)
 
 
-def test_what_serves_the_usual_converter_alone() -> None:
+def test_a_converter_has_a_system_of_its_own() -> None:
     assert not any("v_ph" in said for said in values(drive_of("npc3l")).missing)
-    with pytest.raises(ValueError, match=r'inverter\.topology: got "npc3l"; it must be "anpc5l"'):
-        system_of(drive_of("npc3l"))
+    assert system_of(drive_of("npc3l")) == "mpdcc_system_npc3l"

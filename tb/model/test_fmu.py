@@ -55,7 +55,7 @@ from directmpc.native import Design, library
 from scripts.hdl import agreement, native
 from scripts.shared.tools import ROOT
 
-MULTILEVEL = ("anpc5l_6kv", "anpc5l_6kv_kbest")
+MULTILEVEL = ("anpc5l_6kv", "anpc5l_6kv_kbest", "npc3l_3kv3", "ttype3l_grid", "two_level_pmsm")
 DRIVES = ("anpc5l_6kv", "induction_2kw2")
 EVERY = (*DRIVES, pytest.param("anpc5l_6kv_kbest", marks=pytest.mark.thorough))
 VERSIONS = ("2.0", "3.0")
@@ -249,7 +249,9 @@ def test_a_loop_of_mptc_is_the_models(fmu, version: str) -> None:
 def test_a_loop_of_many_levels_is_the_models(fmu, name: str, version: str, tmp_path: Path) -> None:
     drive = load_drive(name).with_control(capacitor_filter=0)
     native.write([variables.system_of(drive)])
-    path = write_controller(drive, tmp_path / "core.fmu", version=version, windows=False)
+    path = write_controller(
+        drive, tmp_path / "core.fmu", version=version, clock=50e6, windows=False
+    )
     ts = drive.control.ts
     core, plant = Importer(path), Importer(fmu(name, version, plant=True))
     flags = [n for n in ("held", "deadlock", "length", "saturated") if n in core.named]
@@ -468,7 +470,7 @@ def test_a_loop_is_ghdls(name: str, method: str | None, tmp_path: Path) -> None:
     assert loop.core.get("faults", "running") == [0, True]
     inputs, registers = Inputs(design), registers_of(drive.controller)
     inputs.clocks(300)
-    for _, address, word in values(drive, clock=CLOCK, built=variables.BUILT[design]).writes():
+    for _, address, word in values(drive, clock=CLOCK, built=variables.built(design)).writes():
         inputs.write(address, word)
     inputs.clocks(300)
     inputs.put(enable=1)
@@ -621,13 +623,16 @@ def test_parameters_that_do_not_fit_together_are_refused(fmu) -> None:
 @pytest.mark.parametrize(
     ("drive", "said"),
     [
-        (load_drive("npc3l_3kv3"), "inverter.topology"),
+        (
+            load_drive("anpc5l_6kv_kbest").changed(inverter={"topology": "npc3l"}),
+            "inverter.topology",
+        ),
         (load_drive("anpc5l_6kv_kbest").with_control(beam=16), "control.beam"),
     ],
     ids=["converter", "beam"],
 )
 def test_a_drive_of_another_kind_is_refused(drive: Any, said: str, tmp_path: Path) -> None:
-    """The systems that are converted have the tables of one converter, and one search."""
+    """K-best is built with the tables of one converter, and one search."""
     with pytest.raises(ValueError, match=said):
         write_controller(drive, tmp_path / "x.fmu")
     assert not list(tmp_path.iterdir())

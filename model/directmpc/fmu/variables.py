@@ -23,7 +23,8 @@ from directmpc.host.registers import (
     values,
 )
 from directmpc.mpdcc import plant as mpdcc_plant
-from directmpc.mpdcc.drive import PerUnitDrive, only_default
+from directmpc.mpdcc.drive import PerUnitDrive
+from directmpc.mpdcc.variants import with_converter
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.machine import current_row
 from directmpc.mptc.plant import plant_parameters
@@ -35,15 +36,19 @@ ANY = 1e9
 _ROLES = ("input", "output", "parameter", "constant")
 SYSTEMS = {"mpdcc": "mpdcc_system", "kbest": "kbest_system", "mptc": "mptc_system"}
 FAMILY = "mptc_family_system"
-#: What registers a design has besides those of every system.
-BUILT: dict[str, tuple[str, ...]] = dict.fromkeys(SYSTEMS.values(), ()) | {FAMILY: ("family",)}
 
 
 def system_of(drive: Any) -> str:
     """Native library of the design of a drive's controller; ValueError if there is none."""
-    if kind_of(drive).library(drive, "fast").startswith("mpdcc_core_"):
-        only_default(drive)
+    kind_of(drive).library(drive, "fast")  # refuses what no core serves
+    if drive.controller == "mpdcc":
+        return with_converter(SYSTEMS["mpdcc"], drive.inverter.topology)
     return FAMILY if getattr(drive.control, "sequences", False) else SYSTEMS[drive.controller]
+
+
+def built(design: str) -> tuple[str, ...]:
+    """What registers a design has besides those of every system."""
+    return ("family",) if design == FAMILY else ()
 
 
 @dataclass(frozen=True)
@@ -138,7 +143,7 @@ def _measurements(drive: AnyDrive, si: bool, phases: bool) -> Iterator[tuple[Var
         base, unit = bases[stem] if si else (1.0, "1")
         start = drive.inverter.vdc * base if stem == "v_dc" else 0.0
         if stem.startswith("v_ph"):
-            start = drive.inverter.vdc / 4 * base
+            start = drive.inverter.vdc * drive.converter.capacitor_share * base
         for name in names:
             part = name.removeprefix(f"{stem}_") if name != stem else ""
             what = f"{_WHAT[stem]}{f', {part}' if part else ''}"
@@ -194,7 +199,7 @@ def _program(
                 given[f"{section}.{key}"], allowed[f"{section}.{key}"] = value, _ranged(info)
 
     def words(keys: Mapping[str, float]) -> dict[str, Any]:
-        return values(_other(drive, keys), clock=clock, built=BUILT[design]).words
+        return values(_other(drive, keys), clock=clock, built=built(design)).words
 
     def others(keys: Mapping[str, float]) -> list[str]:
         other = _other(drive, keys)
@@ -326,8 +331,9 @@ def controller(
     its period is no whole number of clocks; for K-best.
     """
     design = system_of(drive)
-    if missing := drive.guard.missing():
-        raise ValueError(missing[0])
+    given = values(drive, clock=clock, built=built(design))
+    if given.missing:
+        raise ValueError(given.missing[0])
     period = drive.control.ts * clock
     if abs(period - round(period)) > 1e-6 or not 256 <= period < 2**31:
         raise ValueError(
@@ -338,7 +344,6 @@ def controller(
         name, f"{drive.controller.upper()} of {name}, the RTL itself", design, drive.control.ts
     )
     registers = registers_of(drive.controller)
-    given = values(drive, clock=clock, built=BUILT[design])
     program, ranges = _program(drive, design, clock, si, phases)
     rows: list[tuple[Variable, str]] = [
         *_measurements(drive, si, phases),

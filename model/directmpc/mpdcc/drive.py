@@ -237,7 +237,7 @@ def only_default(drive: PerUnitDrive) -> None:
     if drive.inverter.topology != tables.DEFAULT:
         raise ValueError(
             f'inverter.topology: got "{drive.inverter.topology}"; it must be "{tables.DEFAULT}" '
-            "here: ideal controllers, plant and mpdcc_core with its model serve others"
+            "here: ideal K-best, and MPDCC, serve others"
         )
 
 

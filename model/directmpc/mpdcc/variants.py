@@ -48,8 +48,12 @@ DEFAULT_VARIANT = "fast"
 
 def library_of(variant: str, converter: str) -> str:
     """Name of the native library of a variant's core."""
-    other = "" if converter == tables.DEFAULT else f"_{converter}"
-    return f"mpdcc_core{'_paper' * (variant == 'paper')}{other}"
+    return with_converter(f"mpdcc_core{'_paper' * (variant == 'paper')}", converter)
+
+
+def with_converter(design: str, converter: str) -> str:
+    """Name of the native library of a design with the tables of a converter."""
+    return design if converter == tables.DEFAULT else f"{design}_{converter}"
 
 
 def served(drive: Drive, variant: str) -> tuple[Drive, str]:
