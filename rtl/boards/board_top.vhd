@@ -38,6 +38,7 @@ entity board_top is
     INWARDS           : boolean               := true;       -- MPDCC: true: the rule inwards; fast explorers
     CAPACITOR_FILTER  : boolean               := true;       -- MPDCC, K-best: true: filters of v_n and v_ph
     LEAKAGE_ESTIMATE  : boolean               := true;       -- MPDCC: true: estimate of the leakage; fast explorers
+    FLUX_OBSERVER     : boolean               := true;       -- MPDCC: true: of the flux; the two above bring it along
     BEAM              : positive              := 8;          -- K-best: plans that live on
     STAGES            : positive              := 12;         -- K-best: stages of the horizon
     FAMILY            : boolean               := false;      -- MPTC: true: methods of two and three vectors
@@ -402,6 +403,7 @@ begin
         INWARDS           => INWARDS,
         CAPACITOR_FILTER  => CAPACITOR_FILTER,
         LEAKAGE_ESTIMATE  => LEAKAGE_ESTIMATE,
+        FLUX_OBSERVER     => FLUX_OBSERVER,
         LEAST_DEAD_TIME   => DEAD_CLOCKS,
         SECOND_SUPERVISOR => SECOND_SUPERVISOR,
         RECORDER_ROWS     => RECORDER_ROWS

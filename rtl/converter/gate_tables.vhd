@@ -9,7 +9,7 @@
 -- S8 on, S2 off, S3 on, S5 off, S1 on; back the same in reverse. S1, S4, S5 and S8 switch without current.
 -- A stop and a start may take several steps, a dead time apart: gates at the rails go off first and come on last.  All
 -- gates off in one clock would put up to 2.6 times its rating on S5 or S8 of that leg.  A half bridge needs one step.
--- A start may lead through a position, as by the neutral point.
+-- A start may lead through a position, as by the neutral point: it ends there, and a commutation follows.
 -- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
@@ -70,10 +70,13 @@ package gate_tables is
   -- '1': a gate at a rail is on; a stop then begins at once, whatever has changed before
   function at_rail (tabled_leg : boolean; gates : std_logic_vector) return std_logic;
 
-  -- number of the last step of the start of a position
-  function last_start (tabled_leg : boolean; position : std_logic_vector(2 downto 0)) return unsigned;
+  -- position that the start of a position leads to: itself, or the one that it goes through
+  function first_of (tabled_leg : boolean; position : std_logic_vector(2 downto 0)) return std_logic_vector;
 
-  -- gates that a step of the start of a position changes, from all off
+  -- number of the last step of a start
+  function last_start (tabled_leg : boolean) return natural;
+
+  -- gates that a step of the start of a position turns on
   function start_of (tabled_leg : boolean; position : std_logic_vector(2 downto 0); action : unsigned(2 downto 0))
     return std_logic_vector;
 
@@ -255,48 +258,43 @@ package body gate_tables is
 
   end function at_rail;
 
-  function last_start (tabled_leg : boolean; position : std_logic_vector(2 downto 0)) return unsigned is
-
-    variable result : unsigned(2 downto 0);
-
+  function first_of (tabled_leg : boolean; position : std_logic_vector(2 downto 0)) return std_logic_vector is
   begin
 
-    result := "000";
-
-    if (tabled_leg) then
-      result := to_unsigned(START_GROUPS'high, 3);
-
-      if (HAS_START_THROUGH and position /= START_THROUGH) then
-        result := result + 1 + last_action(tabled_leg, START_THROUGH, position);
-      end if;
+    if (tabled_leg and HAS_START_THROUGH) then
+      return START_THROUGH;
+    else
+      return position;
     end if;
 
-    return result;
+  end function first_of;
+
+  function last_start (tabled_leg : boolean) return natural is
+  begin
+
+    if (tabled_leg) then
+      return START_GROUPS'high;
+    else
+      return 0;
+    end if;
 
   end function last_start;
 
   function start_of (tabled_leg : boolean; position : std_logic_vector(2 downto 0); action : unsigned(2 downto 0))
     return std_logic_vector is
 
-    variable first  : std_logic_vector(2 downto 0);
     variable result : std_logic_vector(gates_of(tabled_leg) - 1 downto 0);
 
   begin
 
-    first  := position;
     result := pattern_of(tabled_leg, position);
 
     if (tabled_leg) then
       result := (others => '0');
 
-      if (HAS_START_THROUGH) then
-        first  := START_THROUGH;
-        result := action_of(tabled_leg, START_THROUGH, position, action - START_GROUPS'length);
-      end if;
-
       for i in START_GROUPS'range loop
         if (action = i) then
-          result := pattern_of(tabled_leg, first) and START_GROUPS(i);
+          result := pattern_of(tabled_leg, first_of(tabled_leg, position)) and START_GROUPS(i);
         end if;
       end loop;
 

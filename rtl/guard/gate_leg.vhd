@@ -16,8 +16,8 @@
 -- looked at too: where an upset of a flip-flop makes them a forbidden pattern, the leg turns all of them off with the
 -- next edge, and refused is up.
 -- The first position after a stop turns its gates on in the steps of gate_tables, dead_time clocks apart: the gates at
--- the rails last.  A goal before all gates are off is forgotten; gate_supervisor keeps stop up for dead and minimum
--- times.
+-- the rails last.  Where a start leads through another position, the leg rests there, too, before it goes on.  A goal
+-- before all gates are off is forgotten; gate_supervisor keeps stop up for dead and minimum times.
 --
 -- Formats: positions as in gate_tables, of half bridges bit 0 alone; a code that is no position counts as one that
 -- differs in a bit; times in clocks, at least 1, stable while the leg is not stopped.
@@ -138,7 +138,7 @@ begin
   -- a clock less: over is seen in the clock after the count
   pause <= std_logic_vector(unsigned(rest_time) - 1) when going = '0' and
                                                           ((phase = STARTING and
-                                                            last_start(TABLED_LEG, accepted) = 0) or
+                                                            last_start(TABLED_LEG) = 0) or
                                                            (phase = ACTING and ends = '1')) else
            std_logic_vector(unsigned(dead_time) - 1);
 
@@ -220,14 +220,20 @@ begin
       if (act = '1') then
         if (phase = STARTING) then
           phase   <= RESTED;
-          target  <= accepted;
+          target  <= first_of(TABLED_LEG, accepted);
           starts  <= '1';
           action  <= "001";
           further <= start_of(TABLED_LEG, accepted, "001");
-          ends    <= to_std_logic(last_start(TABLED_LEG, accepted) = 1);
+          ends    <= to_std_logic(last_start(TABLED_LEG) = 1);
 
-          if (last_start(TABLED_LEG, accepted) > 0) then
+          if (last_start(TABLED_LEG) > 0) then
             phase <= ACTING;
+          end if;
+
+          -- through another position: the move to the goal waits there
+          if (first_of(TABLED_LEG, accepted) /= accepted) then
+            first   <= action_of(TABLED_LEG, first_of(TABLED_LEG, accepted), accepted, "000");
+            waiting <= '1';
           end if;
         elsif (phase = RESTED) then
           phase   <= ACTING;
@@ -246,7 +252,7 @@ begin
 
           if (starts = '1') then
             further <= start_of(TABLED_LEG, target, action + 1);
-            ends    <= to_std_logic(action + 1 = last_start(TABLED_LEG, target));
+            ends    <= to_std_logic(action + 1 = last_start(TABLED_LEG));
           end if;
         end if;
       end if;

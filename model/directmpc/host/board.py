@@ -19,7 +19,7 @@ import os
 import struct
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
@@ -99,6 +99,7 @@ _RESPONSES = {
 
 #: Registers that a board without the option takes and ignores, and the capability they need.
 _NEEDED = {
+    "control.use_observer": "observer",
     "parameters.two_switchings": "second_level",
     "parameters.compensate": "second_level",
     "parameters.deadlock_rule": "weighted_deadlock",
@@ -390,8 +391,8 @@ class Board:
         Raises
         ------
         RegisterError
-            If there is no such register or field, or a value does not fit its field; nothing is
-            sent then. If it cannot be written.
+            If there is no such register or field, a value does not fit its field, or the board was
+            built without what it asks for; nothing is sent then. If it cannot be written.
         """
         address, fields = self._register(name)
         for field, value in values.items():
@@ -401,6 +402,8 @@ class Board:
                     f"{name}: {field} = {value} does not fit; it must be an integer from {least} "
                     f"to {most}"
                 )
+        if values.get("use_observer"):
+            self._check_built(["control.use_observer"])
         try:
             self.write_word(address, packed(name, fields, values))
         except RegisterError as error:
@@ -552,13 +555,7 @@ class Board:
                 f"the values are for a clock of {found.clock / 1e6:g} MHz, the board has "
                 f"{self.identity.clock / 1e6:g} MHz"
             )
-        built = self.read("system.capabilities")
-        for name, capability in _NEEDED.items():
-            if found.words.get(name) and not built[capability]:
-                raise RegisterError(
-                    f"the drive sets {name}, which this board ignores: its capabilities lack "
-                    f"{capability}"
-                )
+        self._check_built(name for name, word in found.words.items() if word)
         if found.search:
             known = self.read("result.search")
             if lacking := [f"{n} {v}" for n, v in found.search.items() if known[n] != v]:
@@ -599,6 +596,15 @@ class Board:
                 break
         if status["commit_pending"] or not status["in_force"]:
             raise RegisterError("the guard's settings did not come into force")
+
+    def _check_built(self, wanted: Iterable[str]) -> None:
+        built = self.read("system.capabilities")
+        for name in wanted:
+            if name in _NEEDED and not built[_NEEDED[name]]:
+                raise RegisterError(
+                    f"{name} is set, which this board ignores: its capabilities lack "
+                    f"{_NEEDED[name]}"
+                )
 
     def _check_controller(self, controller: str) -> None:
         if controller != self.controller:

@@ -59,12 +59,6 @@ def commutation(tabled_leg: bool | str, origin: int, goal: int) -> list[int]:
     return list(leg.commutation(origin % leg.positions, goal % leg.positions))
 
 
-def started(tabled_leg: bool | str, position: int) -> tuple[frozenset[int], ...]:
-    """Gates that are on after each step of a start; the last ones are the position's."""
-    leg = LEGS[tabled_leg]
-    return leg.start_steps(position % leg.positions)
-
-
 def stop_clocks(tabled_leg: bool | str, dead_time: int) -> int:
     """Longest time in clocks from a cause at the ports to all gates off.
 
@@ -130,9 +124,11 @@ class Leg:
         `dead`: dead time, 1 or more; `rest`: from the end of a move to the next; in clocks.
         """
         if self.starts_at == now:
-            self.settled, self.starts_at = self.goal, None
+            leg, self.starts_at = LEGS[self.tabled_leg], None
+            # through a position: from there the goal is a move like any other
+            self.settled = self.goal if leg.start_through is None else leg.start_through
             before: frozenset[int] = frozenset()
-            for step, after in enumerate(started(self.tabled_leg, self.goal)):
+            for step, after in enumerate(leg.start_steps(self.settled % leg.positions)):
                 off, on = sorted(before - after), sorted(after - before)
                 self.ready_at, before = now + step * dead, after
                 self.plan += [(self.ready_at, action) for action in [*(-n for n in off), *on]]

@@ -18,6 +18,7 @@ from directmpc.kbest import bit_true as kbest_bit_true
 from directmpc.mpdcc import capacitor_observer, leakage, tables
 from directmpc.mpdcc import observer as rotor_flux_observer
 from directmpc.mpdcc.bit_true import fast as bit_true_fast
+from directmpc.mpdcc.bit_true import paper as bit_true_paper
 from directmpc.mpdcc.coefficients import CURRENT_SLOPES, INDEX
 from directmpc.mpdcc.formats import BOUND_HIGH
 from directmpc.mpdcc.trace import IntArray
@@ -62,6 +63,7 @@ class System:
     def __init__(self, dut, given: dict[str, Any]) -> None:
         self.dut, self.controller = dut, given["controller"]
         self.multilevel = self.controller != "mptc"
+        self.folded = given.get("FOLDED", False)
         self.beam, self.stages = given.get("BEAM", 8), given.get("STAGES", 12)
         self.forget()
         self.rng = random.Random(given["seed"])
@@ -127,7 +129,8 @@ class System:
         values = np.array(list(m.values()), dtype=np.int64)
         if self.controller == "mpdcc":
             built = np.append(register, tables.base_of(tables.DEFAULT))
-            found = bit_true_fast.decide_words(built, values[:13], values[13:])
+            model = bit_true_paper if self.folded else bit_true_fast
+            found = model.decide_words(built, values[:13], values[13:])
         elif self.controller == "kbest":
             found = self.planned(register, values)
         else:

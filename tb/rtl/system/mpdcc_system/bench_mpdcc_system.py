@@ -233,14 +233,21 @@ async def forgotten(system: System) -> None:
             await bus.read("system.status", "busy")
 
 
-async def never_ahead(system: System) -> None:
-    """Without a second level a decision is given at once, whatever compensate says."""
-    base = shipped(system)
-    await commit(system, base | {"compensate": 1})
-    await system.bus.write("system.control", own_positions=1)
+async def never_ahead(system: System, *, observer: int) -> None:
+    """Without a second level a decision is given at once, whatever compensate says.
+
+    Without an observer it is the model's on what is measured, whatever asks for an estimate.
+    """
+    found = registers.values(system.shipped(), "paper" if system.folded else "fast").words
+    base = {name: found[f"parameters.{name}"] for name in system.words}
+    ignored = dict.fromkeys(("f_q_midpoint", "f_q_phase", "l_mode"), 1 - observer)
+    await commit(system, base | ignored | {"compensate": 1})
+    await system.bus.write("system.control", own_positions=0, use_observer=1 - observer)
     for n in range(6):
-        clocks, given = await step(system, state_near(system))
+        m = state_near(system)
+        clocks, given = await step(system, m)
         system.board.check("given", given, [clocks + 1], f"decision {n}")
+        system.board.check("decided", system.decided(), system.model(base, m), f"decision {n}")
 
 
 async def estimate(system: System) -> None:
@@ -299,17 +306,18 @@ async def system(dut) -> None:
     await under_test.begin()
     board = under_test.board
     second = given["SECOND_LEVEL"] and not given["FOLDED"]
-    fast = not given["FOLDED"]
+    fast, observer = not given["FOLDED"], int(given.get("FLUX_OBSERVER", True))
     built = {
         "controller": 1, "explorers": 1, "folded": int(given["FOLDED"]),
         "second_level": int(second), "weighted_deadlock": int(fast), "inwards": int(fast),
-        "capacitor_filter": 1, "leakage_estimate": int(fast), "flux_control": 0, "family": 0,
-        "sensorless": 0, "observer": 1, "least_dead_time": 10, "recorder": 0,
+        "capacitor_filter": observer, "leakage_estimate": int(fast and observer),
+        "flux_control": 0, "family": 0, "sensorless": 0, "observer": observer,
+        "least_dead_time": 10, "recorder": 0,
     }  # fmt: skip
     await capabilities(under_test, built)
     if not second:
-        await never_ahead(under_test)
-        board.finish({"given": 6})
+        await never_ahead(under_test, observer=observer)
+        board.finish({"given": 6, "decided": 6})
         return
 
     await parameters_alone(under_test)

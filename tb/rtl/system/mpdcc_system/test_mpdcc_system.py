@@ -22,11 +22,13 @@ from scripts.hdl.sources import RTL
 from tb.helpers.faults import Fault, assert_seen, seen
 from tb.helpers.simulation import Outcome, run
 
+OBSERVERS = ("FLUX_OBSERVER", "CAPACITOR_FILTER", "LEAKAGE_ESTIMATE")
 
-def bench(rtl: Path = RTL, *, second_level: bool = True, folded: bool = False) -> Outcome:
+
+def bench(rtl: Path = RTL, **generics: bool) -> Outcome:
     return run(
         "mpdcc_system",
-        generics={"EXPLORERS": 1, "SECOND_LEVEL": second_level, "FOLDED": folded},
+        generics={"EXPLORERS": 1, "SECOND_LEVEL": True, "FOLDED": False, **generics},
         arguments={"seed": 3, "rounds": 18},
         rtl=rtl,
     )
@@ -39,9 +41,22 @@ def test_parameters_resets_and_the_estimate_are_as_the_model_has_them() -> None:
     assert found.covered["waited"] >= 3
 
 
-@pytest.mark.parametrize("folded", [False, True], ids=["one level", "paper"])
-def test_without_a_second_level_a_decision_is_given_at_once(folded: bool) -> None:
-    assert bench(second_level=folded, folded=folded).checks["given"] == 6
+#: The paper's explorer, and nothing that estimates.
+SMALLEST = {"FOLDED": True} | dict.fromkeys(OBSERVERS, False)
+
+
+@pytest.mark.parametrize(
+    "generics",
+    [{"SECOND_LEVEL": False}, {"FOLDED": True}, SMALLEST],
+    ids=["one level", "paper", "no observer"],
+)
+def test_without_a_second_level_a_decision_is_given_at_once(generics: dict[str, bool]) -> None:
+    assert bench(**generics).checks["given"] == 6
+
+
+def test_a_flux_that_nobody_estimates_is_seen(tmp_path: Path) -> None:
+    fault = Fault("mpdcc_system", "asked and to_std_logic(OBSERVES)", "asked", "no decision")
+    assert_seen(fault, tmp_path, lambda rtl: bench(rtl, **SMALLEST))
 
 
 def gates(rtl: Path = RTL) -> Outcome:
