@@ -24,7 +24,6 @@ from directmpc.host.registers import (
 )
 from directmpc.mpdcc import plant as mpdcc_plant
 from directmpc.mpdcc.drive import PerUnitDrive
-from directmpc.mpdcc.variants import with_converter
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.machine import current_row
 from directmpc.mptc.plant import plant_parameters
@@ -34,21 +33,16 @@ from directmpc.straight_line import Program
 #: Largest magnitude of an input that has no range of its own.
 ANY = 1e9
 _ROLES = ("input", "output", "parameter", "constant")
-SYSTEMS = {"mpdcc": "mpdcc_system", "kbest": "kbest_system", "mptc": "mptc_system"}
-FAMILY = "mptc_family_system"
 
 
 def system_of(drive: Any) -> str:
     """Native library of the design of a drive's controller; ValueError if there is none."""
-    kind_of(drive).library(drive, "fast")  # refuses what no core serves
-    if drive.controller == "mpdcc":
-        return with_converter(SYSTEMS["mpdcc"], drive.inverter.topology)
-    return FAMILY if getattr(drive.control, "sequences", False) else SYSTEMS[drive.controller]
+    return kind_of(drive).library(drive, "fast").replace("_core", "_system")
 
 
 def built(design: str) -> tuple[str, ...]:
     """What registers a design has besides those of every system."""
-    return ("family",) if design == FAMILY else ()
+    return ("family",) if "family" in design else ()
 
 
 @dataclass(frozen=True)
