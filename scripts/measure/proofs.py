@@ -12,7 +12,9 @@ converted to Verilog, the netlist that is synthesised and simulated too. A modul
 
 A signal inside the entity is reached by a wire with an attribute:
 ``(* inside = "i_dut.state" *) wire [1:0] state;``. With ``when = "GENERIC"`` beside it the wire is
-zero where that generic is false or not there. With ``words = "64"`` it is the memory of that name,
+zero where that generic is false or not there. The generic `CONVERTER` is the name of a converter:
+the entity has its packages then. `converter.vh` has its leg as functions, with `TABLED_LEG` = false
+that of half bridges. With ``words = "64"`` it is the memory of that name,
 word 0 in the lowest bits.
 
 The proof is an induction over clocks, and holds for any number of them. No first state is assumed.
@@ -32,6 +34,8 @@ that nothing can break is found, whatever the facts say.
 from __future__ import annotations
 
 import concurrent.futures
+import itertools
+import operator
 import re
 import shutil
 import tempfile
@@ -42,7 +46,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scripts.hdl import conversion, sources
+from directmpc.converter import Converter
+from directmpc.host.gate_guard import LEGS
+from directmpc.mpdcc import tables as converters
+from scripts.hdl import conversion, converter_package, sources
 from scripts.measure.ranges import intervals
 from scripts.measure.ranges import table as ranges
 from scripts.shared import progress, tables, tools
@@ -229,8 +236,88 @@ def _connections(text: str, generics: Generics) -> tuple[list[str], list[str]]:
     return signals, memories
 
 
+def _bits(gates: Iterable[int]) -> int:
+    """Gates as a word, S1 lowest."""
+    return sum(1 << gate - 1 for gate in gates)
+
+
+def _function(name: str, width: str, inputs: str, values: Mapping[tuple[int, ...], int]) -> str:
+    """A table as a function in Verilog; zero where it has nothing. v and w are gates."""
+    given = ", ".join(f"input {'[SIZE-1:0]' if one in 'vw' else '[2:0]'} {one}" for one in inputs)
+    found = [
+        f"({' && '.join(f'{one} == {n}' for one, n in zip(inputs, at, strict=True))} ? {value} : 0)"
+        for at, value in values.items()
+    ]
+    return f"function {width} {name}({given}); {name} = {' | '.join(found)}; endfunction"
+
+
+def _leg(leg: Converter) -> str:
+    """A converter's leg as functions of positions s and t, of the number n of a step, of gates."""
+    orders = {
+        (s, t): [1 << abs(action) - 1 for action in leg.commutation(s, t)] if s != t else []
+        for s, row in enumerate(leg.next_positions)
+        for t in row
+    }
+    starts = [s for s in range(leg.positions) if leg.start_through in (None, s)]
+    begun = {(s, n): _bits(v) for s in starts for n, v in enumerate(leg.start_steps(s), 1)}
+    paths = [[0, *(v for (s, _), v in begun.items() if s == start)] for start in starts]
+    paths += [
+        list(itertools.accumulate(gates, operator.xor, initial=_bits(leg.gates[s])))
+        for (s, _), gates in orders.items()
+    ]
+    stops: dict[tuple[int, ...], tuple[int, int]] = {}  # steps that are left, gates behind the next
+    for _, on in leg.patterns():
+        passed = [on]
+        while passed[-1]:
+            passed.append(leg.stop_step(passed[-1]))
+        for n, (one, after) in enumerate(itertools.pairwise(passed)):
+            stops[(_bits(one),)] = len(passed) - 1 - n, _bits(after)
+    shorts = " || ".join(f"(v & {_bits(one)}) == {_bits(one)}" for one in leg.forbidden)
+    rails = _bits(leg.stop_first)
+    return "\n".join(
+        [
+            f"localparam SIZE = {len(leg.switches)};  // gates",
+            f"localparam [2:0] GROUPS = {len(leg.start_groups)};  // steps of a start",
+            f"localparam [2:0] STOPS = {leg.stop_steps - 1};  // dead times of a stop",
+            f"function rail(input [SIZE-1:0] v); rail = (v & {rails}) != 0; endfunction",
+            f"function shorts(input [SIZE-1:0] v); shorts = {shorts}; endfunction",
+            _function("is_whole", "", "v", {(_bits(v),): 1 for v in leg.gates}),
+            _function("position", "", "s", {(s,): 1 for s in range(leg.positions)}),
+            _function("full", "[SIZE-1:0]", "s", {(s,): _bits(v) for s, v in enumerate(leg.gates)}),
+            _function("follows", "", "st", dict.fromkeys(orders, 1)),
+            # number of the last action, gate of an action
+            _function("last", "[2:0]", "st", {e: max(len(v), 1) - 1 for e, v in orders.items()}),
+            _function(
+                "gate_of", "[SIZE-1:0]", "stn",
+                {(*edge, n): v for edge, gates in orders.items() for n, v in enumerate(gates)},
+            ),
+            # gates that are on behind the first n steps of a start
+            _function("begun", "[SIZE-1:0]", "sn", begun),
+            # steps of starts and moves; of a stop, how many are left, and gates behind the next
+            _function(
+                "is_step", "", "vw",
+                {pair: 1 for path in paths for pair in itertools.pairwise(path)},
+            ),
+            _function("steps", "[2:0]", "v", {v: n for v, (n, _) in stops.items()}),
+            _function("stopped", "[SIZE-1:0]", "v", {v: after for v, (_, after) in stops.items()}),
+            "",
+        ]
+    )  # fmt: skip
+
+
 def _machine(proof: Proof, generics: Generics, folder: Path, rtl: Path) -> str:
     """The entity with its proof around it, as SMT-LIB."""
+    generics = dict(generics)
+    name, tabled = generics.pop("CONVERTER", converters.DEFAULT), generics.get("TABLED_LEG", True)
+    rtl = converter_package.rtl_of(str(name)) if rtl == sources.RTL else rtl
+    leg = LEGS[str(name) if tabled else False]
+    tools.write(folder / "converter.vh", _leg(leg))
+    known = generics | {
+        "OWN_AGE": not all(on & leg.stop_first for on in leg.gates),
+        "STEPPED": leg.stop_steps > 1,
+        "HAS_CAPACITORS": bool(tabled and leg.capacitor_nodes),
+        "HAS_NEUTRAL": bool(tabled and leg.neutral_node),
+    }
     files = [*sources.compile_order(proof.entity, sources.rtl_files(rtl)), *proof.files]
     std = "08" if any(sources.is_wrapper(path, rtl) for path in files) else "93"
     conversion.convert(proof.top, generics, folder / "core.v", files=files, check=False, std=std)
@@ -238,8 +325,8 @@ def _machine(proof: Proof, generics: Generics, folder: Path, rtl: Path) -> str:
     tools.write(folder / "proof.v", text)
     for header in proof.module.parent.glob("*.vh"):
         shutil.copy(header, folder)
-    signals, memories = _connections(text, generics)
-    macros = " ".join(f"-D {name}={int(value)}" for name, value in generics.items())
+    signals, memories = _connections(text, known)
+    macros = " ".join(f"-D {name}={int(value)}" for name, value in known.items())
     script = [
         "read_verilog core.v",
         f"read_verilog -sv {macros} proof.v",

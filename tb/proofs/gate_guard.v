@@ -3,7 +3,7 @@
 // gate_guard_checked has the properties. Here stand the facts that make each of them follow from one clock to the
 // next. A fact is proven as a property is: it holds after a reset, and one clock after all facts have held.
 //
-// TABLED_LEG, LEAST_DEAD_TIME: as gate_guard's.
+// TABLED_LEG, LEAST_DEAD_TIME: as gate_guard's.  What a leg is comes from the converter's file, converter.vh.
 // Assumed: settings change only after renew, for property 9 alone.
 // Licence: Apache-2.0
 
@@ -20,7 +20,8 @@ module proof (
   input [7:0] frozen_limit
 );
 
-  localparam SIZE = `TABLED_LEG ? 8 : 2;  // gates of a leg
+  `include "converter.vh"
+
   localparam COUNT = 3 * SIZE;
   localparam [2:0] COUNTS = `TABLED_LEG ? 7 : 1;  // bits of a position
   localparam [11:0] LEAST = `LEAST_DEAD_TIME;
@@ -48,8 +49,8 @@ module proof (
   (* inside = "i_checked.was_on" *) wire was_on;
   (* inside = "i_checked.ages" *) wire [13*COUNT-1:0] ages;
   (* inside = "i_checked.floor_dead" *) wire [11:0] floor_dead;
-  (* inside = "i_checked.most_dead", when = "TABLED_LEG" *) wire [11:0] most_dead;
-  (* inside = "i_checked.since", when = "TABLED_LEG" *) wire [14:0] since;
+  (* inside = "i_checked.most_dead", when = "STEPPED" *) wire [11:0] most_dead;
+  (* inside = "i_checked.since", when = "STEPPED" *) wire [14:0] since;
   (* inside = "i_checked.cut" *) wire cut;
   (* inside = "i_checked.floor_on" *) wire [11:0] floor_on;
   (* inside = "i_checked.floor_off" *) wire [11:0] floor_off;
@@ -134,14 +135,14 @@ module proof (
 
   // the bands
   (* inside = "i_checked.i_guard.i_bands.valid_1" *) wire banded_1;
-  (* inside = "i_checked.i_guard.i_bands.capacitor_1", when = "TABLED_LEG" *) wire capacitor_1;
-  (* inside = "i_checked.i_guard.i_bands.neutral_1", when = "TABLED_LEG" *) wire neutral_1;
+  (* inside = "i_checked.i_guard.i_bands.capacitor_1", when = "HAS_CAPACITORS" *) wire capacitor_1;
+  (* inside = "i_checked.i_guard.i_bands.neutral_1", when = "HAS_NEUTRAL" *) wire neutral_1;
   (* inside = "i_checked.i_guard.i_bands.speed_1" *) wire speed_1;
-  (* inside = "i_checked.i_guard.i_bands.capacitor_2", when = "TABLED_LEG" *) wire capacitor_2;
-  (* inside = "i_checked.i_guard.i_bands.neutral_2", when = "TABLED_LEG" *) wire neutral_2;
+  (* inside = "i_checked.i_guard.i_bands.capacitor_2", when = "HAS_CAPACITORS" *) wire capacitor_2;
+  (* inside = "i_checked.i_guard.i_bands.neutral_2", when = "HAS_NEUTRAL" *) wire neutral_2;
   (* inside = "i_checked.i_guard.i_bands.speed_2" *) wire speed_2;
-  (* inside = "i_checked.i_guard.i_bands.capacitor", when = "TABLED_LEG" *) wire capacitor_3;
-  (* inside = "i_checked.i_guard.i_bands.neutral", when = "TABLED_LEG" *) wire neutral_3;
+  (* inside = "i_checked.i_guard.i_bands.capacitor", when = "HAS_CAPACITORS" *) wire capacitor_3;
+  (* inside = "i_checked.i_guard.i_bands.neutral", when = "HAS_NEUTRAL" *) wire neutral_3;
   (* inside = "i_checked.i_guard.i_bands.speed" *) wire speed_3;
 
   // the legs
@@ -181,6 +182,12 @@ module proof (
   (* inside = "i_checked.i_guard.g_legs_n1_i_leg.i_countdown.done" *) wire done_a;
   (* inside = "i_checked.i_guard.g_legs_n2_i_leg.i_countdown.done" *) wire done_b;
   (* inside = "i_checked.i_guard.g_legs_n3_i_leg.i_countdown.done" *) wire done_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.g_own_age_i_age.left", when = "OWN_AGE" *) wire [11:0] age_left_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.g_own_age_i_age.left", when = "OWN_AGE" *) wire [11:0] age_left_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.g_own_age_i_age.left", when = "OWN_AGE" *) wire [11:0] age_left_c;
+  (* inside = "i_checked.i_guard.g_legs_n1_i_leg.g_own_age_i_age.done", when = "OWN_AGE" *) wire age_done_a;
+  (* inside = "i_checked.i_guard.g_legs_n2_i_leg.g_own_age_i_age.done", when = "OWN_AGE" *) wire age_done_b;
+  (* inside = "i_checked.i_guard.g_legs_n3_i_leg.g_own_age_i_age.done", when = "OWN_AGE" *) wire age_done_c;
   (* inside = "i_checked.i_guard.g_legs_n1_i_leg.asked" *) wire [2:0] asked_a;
   (* inside = "i_checked.i_guard.g_legs_n2_i_leg.asked" *) wire [2:0] asked_b;
   (* inside = "i_checked.i_guard.g_legs_n3_i_leg.asked" *) wire [2:0] asked_c;
@@ -194,66 +201,13 @@ module proof (
   (* inside = "i_checked.i_guard.g_legs_n2_i_leg.waiting" *) wire waiting_b;
   (* inside = "i_checked.i_guard.g_legs_n3_i_leg.waiting" *) wire waiting_c;
 
-  // gates S8 to S1 of a position
-  function [SIZE-1:0] full(input [2:0] s);
-    if (`TABLED_LEG) full = {!s[1], !s[0], s[0], s[1], !s[2], s[2], !s[2], s[2]};
-    else full = {!s[0], s[0]};
-  endfunction
-
-  // one commutation apart, or the same
-  function follows(input [2:0] a, input [2:0] b);
-    follows = !`TABLED_LEG || a == b || (a ^ b) == 1 || (a ^ b) == 2 || ((a ^ b) == 6 && a[2] != a[1]);
-  endfunction
-
-  // a pattern that may never be
-  function shorts(input [SIZE-1:0] v);
-    if (!`TABLED_LEG) shorts = v[0] && v[1];
-    else shorts = (v[0] && v[1]) || (v[2] && v[3]) || (v[1] && v[2]) || (v[5] && v[6]) || (v[0] && v[3])
-                  || (v[0] && v[4] && v[7]) || (v[3] && v[4] && v[7]);
-  endfunction
-
-  // number of the last action
-  function [2:0] last(input [2:0] a, input [2:0] b);
-    last = `TABLED_LEG && a[2] != b[2] ? 5 : 1;
-  endfunction
-
-  // gate of an action
-  function [SIZE-1:0] gate_of(input [2:0] a, input [2:0] b, input [2:0] n);
-    reg [2:0] k;
-    begin
-      k = a[2] ? 5 - n : n;
-      if (!`TABLED_LEG) gate_of = a[0] ^ n[0] ? 1 : 2;
-      else if (a[2] != b[2])
-        gate_of = k == 0 ? 8'h08 : k == 1 ? 8'h80 : k == 2 ? 8'h02 : k == 3 ? 8'h04 : k == 4 ? 8'h10 : 8'h01;
-      else if (a[1] != b[1]) gate_of = a[1] ^ n[0] ? 8'h10 : 8'h80;
-      else gate_of = a[0] ^ n[0] ? 8'h20 : 8'h40;
-    end
-  endfunction
-
   // gates that the actions before one have changed
   function [SIZE-1:0] changed(input [2:0] a, input [2:0] b, input [2:0] n);
     integer i;
     begin
       changed = 0;
-      for (i = 0; i < 5; i = i + 1) if (i < n) changed = changed | gate_of(a, b, i);
+      for (i = 0; i < 7; i = i + 1) if (i < n) changed = changed | gate_of(a, b, i);
     end
-  endfunction
-
-  // gates of a position that the first steps of a start have turned on
-  function [SIZE-1:0] begun(input [2:0] s, input [2:0] n);
-    begun = full(s) & (!`TABLED_LEG ? 2'b11 : n == 1 ? 8'hf0 : n == 2 ? 8'hf6 : 8'hff);
-  endfunction
-
-  // gates at the rails
-  function rail(input [SIZE-1:0] v);
-    rail = `TABLED_LEG ? v[0] || v[3] : v != 0;
-  endfunction
-
-  // steps of a stop that are left, with no gate at a rail on
-  function [1:0] steps(input [SIZE-1:0] v);
-    if (!`TABLED_LEG || v == 0) steps = 0;
-    else if ((v[1] && !v[7]) || (v[2] && !v[4])) steps = 3;
-    else steps = v[1] || v[2] ? 2 : 1;
   endfunction
 
   // a current that trips, from the comparator's sums: 64 alpha, 111 beta
@@ -310,8 +264,8 @@ module proof (
   wire fact_dark = state != ARMED || gates == 0;
   wire fact_bright = gates == 0 || off_for == 0;
   wire fact_changed = before == 0 || off_for == 0;
-  wire fact_most = !`TABLED_LEG || (state == OFF && gates == 0 && off_for == 0) || dead <= most;
-  wire fact_since = state != ACTIVE || !was_on || since == 0;
+  wire fact_most = !`STEPPED || (state == OFF && gates == 0 && off_for == 0) || dead <= most;
+  wire fact_since = !`STEPPED || state != ACTIVE || !was_on || since == 0;
   wire fact_floor = (floor <= dead && floor_on <= rest && floor_off <= rest);
   wire fact_starved = state != ACTIVE || (hungry == starved_left + 17'd2 && starved_done == (starved_left == 0));
   wire fact_fresh = faulty || primed == fresh;
@@ -365,11 +319,15 @@ module proof (
       wire ends = x == 0 ? ends_a : x == 1 ? ends_b : ends_c;
       wire [11:0] left = x == 0 ? left_a : x == 1 ? left_b : left_c;
       wire done = x == 0 ? done_a : x == 1 ? done_b : done_c;
+      // until a stop may take a step
+      wire [11:0] age_left_now = !`OWN_AGE ? left : x == 0 ? age_left_a : x == 1 ? age_left_b : age_left_c;
+      wire age_done_now = !`OWN_AGE ? done : x == 0 ? age_done_a : x == 1 ? age_done_b : age_done_c;
       wire [SIZE-1:0] driven = gates[SIZE*x +: SIZE];
       wire [2:0] known_goal = accepted_last[3*(2-x) +: 3];
       wire [2:0] seen = whole[3*(2-x) +: 3];
       wire moves = phase == RESTED || phase == ACTING;
       wire going = !live && driven != 0;  // in a stop
+      wire aging = `OWN_AGE ? driven != 0 : phase == ACTING || going;
       // gates of this move so far, and the one of them that changed last
       wire [SIZE-1:0] move = starts ? begun(target, action) : changed(origin, target, action);
       wire [SIZE-1:0] latest = starts ? 0 : gate_of(origin, target, action - 3'd1);
@@ -377,36 +335,38 @@ module proof (
       wire fact_encoded = !live || encoded != 3;
       wire fact_phase = (state == ACTIVE) == (phase != STOPPED);
       wire fact_asked = asked == (offered[3*(2-x) +: 3] & COUNTS);
-      wire fact_verdict = follows_now == follows(accepted, asked) && moves_now == (accepted != asked);
+      wire fact_verdict = (!`TABLED_LEG || follows_now == follows(accepted, asked)) && moves_now == (accepted != asked);
       wire fact_waiting = waiting == (phase == STARTING || (moves && accepted != target));
       wire fact_idle = phase != STARTING || driven == 0;
       wire fact_no_rail = live || !rail(driven);
-      wire fact_whole_stop = live || !`TABLED_LEG || !(driven[1] && driven[2]);
-      wire fact_left = !(phase == ACTING || going) || left < dead;
-      wire [14:0] rest_of_stop = steps(driven) == 3 ? {dead, 1'b0} : steps(driven) == 2 ? dead : 0;
-      wire fact_in_time = !going || since + left + 15'd1 + rest_of_stop <= {dead, 1'b0} + dead;
+      wire fact_stop = !going || steps(driven) != 0;
+      wire fact_left = !aging || age_left_now < dead;
+      wire [14:0] times = dead * (STOPS + 3'd1 - steps(driven));
+      wire fact_in_time = !going || since + age_left_now + 15'd1 <= times;
       wire fact_goal = phase == STOPPED || accepted == (known_goal & COUNTS);
       wire fact_rested = phase != RESTED || driven == full(target);
       wire fact_first = !moves || (follows(target, accepted)
                        && (target == accepted || first == gate_of(target, accepted, 0)));
-      wire fact_starts = phase != ACTING || !starts || (`TABLED_LEG && action >= 1 && action <= 2
+      wire fact_starts = phase != ACTING || !starts || (action >= 1 && action <= GROUPS - 1
                         && further == (begun(target, action + 3'd1) & ~begun(target, action))
-                        && ends == (action == 2) && driven == begun(target, action));
+                        && ends == (action == GROUPS - 1) && driven == begun(target, action));
       wire fact_acting = phase != ACTING || starts || (follows(origin, target) && origin != target && action >= 1
                         && action <= last(origin, target) && further == gate_of(origin, target, action)
                         && ends == (action == last(origin, target)) && driven == (full(origin) ^ move));
       wire fact_done = !(moves || going) || done == (left == 0);
+      wire fact_aged = !aging || age_done_now == (age_left_now == 0);
       wire fact_entered = !entered[x] || phase == RESTED || phase == ACTING || was_on;
-      wire fact_unentered = !(phase == STARTING || (phase == ACTING && starts)) || !entered[x];
+      wire fact_unentered = phase != STARTING || !entered[x];
+      wire fact_starting = !(phase == ACTING && starts && entered[x]) || follows(seen, target);
       wire fact_whole = !(phase == RESTED && entered[x]) || follows(seen, target);
       wire fact_between = phase != ACTING || starts || !`TABLED_LEG || (entered[x] && seen == origin);
-      wire fact_bit = `TABLED_LEG || ((phase == STOPPED || accepted[2:1] == 0) && (!moves || target[2:1] == 0)
-                                       && (phase != ACTING || starts || origin[2:1] == 0) && asked[2:1] == 0);
+      wire fact_position = position(asked) && (phase == STOPPED || position(accepted))
+                           && (!moves || position(target)) && (phase != ACTING || starts || position(origin));
 
       wire [SIZE-1:0] recent;  // on, or off for less than a dead time
-      wire [SIZE-1:0] held;    // unchanged for a dead time
+      wire [SIZE-1:0] old;     // unchanged for a dead time
       wire [SIZE-1:0] was = before[SIZE*x +: SIZE];
-      wire free = !`TABLED_LEG || cut || latched[8];  // of the order of a stop
+      wire free = was == driven || (state != ACTIVE && (cut || latched[8]));  // of any order
 
       for (i = 0; i < SIZE; i = i + 1) begin : gate
         localparam N = SIZE * x + i;
@@ -414,7 +374,7 @@ module proof (
         // clocks since it changed; 0 in the first
         wire [12:0] age = gates[N] != before[N] ? 0 : stored;
 
-        assign held[i] = gates[N] == before[N] && stored >= {1'b0, floor};
+        assign old[i] = stored >= {1'b0, floor};
         assign recent[i] = gates[N] || before[N] || stored < {1'b0, floor};
         wire fact_recent = !(moves && recent[i] && !driven[i])
                            || (phase == ACTING && !starts && action[0] && latest[i]);
@@ -426,12 +386,12 @@ module proof (
         wire fact_dead = phase != RESTED || driven[i] || age >= dead;
         wire fact_kept = !(phase == ACTING && !move[i]) || age >= rest;
         wire fact_apart = !(phase == ACTING && !driven[i]) || age >= dead || (latest[i] && age + left + 1 >= dead);
-        wire fact_steady = !(phase == ACTING || going) || age + left + 1 >= dead;
+        wire fact_steady = !(phase == ACTING || (going && !`OWN_AGE)) || age + left + 1 >= dead;
+        wire fact_old = !aging || age + age_left_now + 1 >= dead;
       end
 
-      wire fact_order_2 = free || !(was[1] && !driven[1]) || (held[7] && driven[7] && held[3] && !driven[3]);
-      wire fact_order_3 = free || !(was[2] && !driven[2]) || (held[4] && driven[4] && held[0] && !driven[0]);
-      wire fact_order_last = free || !(driven == 0 && was[7:4] != 0) || (held[3:0] == 15 && driven[3:0] == 0);
+      wire fact_order = free || (state == ACTIVE ? is_step(was, driven) : driven == stopped(was));
+      wire fact_order_waits = free || (state == ACTIVE ? was == 0 || is_whole(was) : rail(was)) || &old;
       wire fact_extended = driven == 0 || !shorts(recent);
     end
   endgenerate

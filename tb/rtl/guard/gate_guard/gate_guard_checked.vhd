@@ -1,27 +1,28 @@
 -- Gate guard with its safety properties, as logic: violations is zero or the guard is wrong.
 --
--- Written against docs/gate-guard.md and not against the RTL: patterns, edges and times are told anew.
+-- Written against docs/gate-guard.md and not against the RTL.  What a converter's leg is stands in its package; how its
+-- tables are to be followed is told anew.
 -- It is synthesisable, so that the same text serves a simulation of millions of clocks and a proof.
 --
---   0  no pattern of gates that shorts a source, and S1 with S4
+--   0  no pattern of gates that is forbidden: it shorts a source, or overloads a device
 --   1  dead time: nor with the gates that were on in the last dead-time clocks
 --   2  minimum on time, but in a stop
 --   3  minimum off time, but in a stop
 --   4  whole positions follow one another along edges only
---   5  all gates off after the edge of a reset and with a refused pattern; the gates at the rails, S1 and S4 of ANPC
---      legs and all gates of two-level ones, off after the edge of an external trip, enable = '0' or an illegal
+--   5  all gates off after the edge of a reset and with a refused pattern; the gates at the rails, those that
+--      a stop turns off at once, off after the edge of an external trip, enable = '0' or an illegal
 --      decision, and three clocks later after that of a measurement beyond a limit that stays where it is meanwhile
 --   6  gates at the rails are on only while running and without a fault
 --   7  running begins only after enable has been down since the last reset or fault
 --   8  no decision for watchdog + 1 clocks: off
 --   9  running begins only after a measurement inside the limits, taken since enable was down, a fault was latched
 --      and the settings changed
---  10  all gates are off three dead times after running has ended, of two-level legs at once
---  11  order of a stop (ANPC): S2 goes off only when S8 has been on and S4 off for a dead time, S3 only when S5 has
---      been on and S1 off; the last gates go off only when S1 to S4 have been off for a dead time.  A reset and a
---      refused pattern keep no order
---  12  order of a start (ANPC): S4 comes on only when S2 has been on for a dead time, S1 only when S3 has; S2 and S3
---      only when one of S5 to S8 has been
+--  10  all gates are off the longest stop of the table after running has ended, of half bridges at once
+--  11  a stop takes the steps of the table; where no gate at a rail is on, a step comes when no gate has changed for a
+--      dead time.  A reset and a refused pattern keep no order
+--  12  while running, gates change as the tables of starts and commutations say, step by step; within one, a step comes
+--      when no gate has changed for a dead time
+--  11 and 12 do not speak of half bridges: with all gates at the rails, 0, 1 and 5 say it all.
 --  13  no decision within decision_limit + 1 clocks of the start that began it: off
 -- Times in force are not seen from outside: the shortest that was asked for since all gates went off is taken, and
 -- LEAST_DEAD_TIME; for property 10 the longest.
@@ -32,8 +33,8 @@ library ieee;
   use ieee.numeric_std.all;
 
 library directmpc;
-  use directmpc.converter_leg.positions_t;
-  use directmpc.directmpc_math.to_std_logic;
+  use directmpc.converter_leg.all;
+  use directmpc.directmpc_math.all;
   use directmpc.gate_tables.all;
 
 entity gate_guard_checked is
@@ -90,6 +91,7 @@ architecture rtl of gate_guard_checked is
 
   constant SIZE  : positive := gates_of(TABLED_LEG);
   constant COUNT : positive := 3 * SIZE;
+  constant WHOLES : positive := choose(TABLED_LEG, POSITIONS, 2);
 
   subtype age_t is unsigned(12 downto 0);
 
@@ -124,94 +126,171 @@ architecture rtl of gate_guard_checked is
   signal due       : unsigned(16 downto 0);  -- clocks until it has to be
   signal found     : std_logic_vector(13 downto 0);
 
-  -- the pattern that may never be, told as in the document
-  function shorts (s : std_logic_vector) return boolean is
+  -- gates before a step and behind it; the same where there is none
+  type steps_t is array (natural range 0 to 8 * START_GROUPS'length + 32 * MOVE_GATES'length(2) - 1) of
+    std_logic_vector(2 * leg_gates_t'length - 1 downto 0);
 
-    variable v : std_logic_vector(SIZE - 1 downto 0);
+  -- steps of starts and of commutations
+  function steps_of_tables return steps_t is
+
+    variable steps : steps_t;
+    variable n     : natural;
+    variable goal  : natural;
+    variable row   : natural;
+    variable edge  : std_logic_vector(5 downto 0);
+    variable on_0  : leg_gates_t;
+    variable on_1  : leg_gates_t;
 
   begin
 
-    v := s;
+    steps := (others => (others => '0'));
+    n     := 0;
 
-    if (not TABLED_LEG) then
-      return v = "11";
+    for s in 0 to POSITIONS - 1 loop
+      if (not HAS_START_THROUGH or unsigned(START_THROUGH) = s) then
+        on_0 := (others => '0');
+
+        for k in START_GROUPS'range loop
+          on_1     := on_0 or (PATTERNS(s) and START_GROUPS(k));
+          steps(n) := on_0 & on_1;
+          on_0     := on_1;
+          n        := n + 1;
+        end loop;
+      end if;
+
+      for i in 0 to 3 loop
+        goal := NEXT_POSITIONS(s, i);
+
+        if (goal /= s) then
+          edge := std_logic_vector(to_unsigned(s, 3) xor to_unsigned(goal, 3)) & std_logic_vector(to_unsigned(s, 3));
+          row  := 0;
+
+          for k in MOVE_CARE'high downto 0 loop
+            if (unsigned((edge xor MOVE_VALUE(k)) and MOVE_CARE(k)) = 0) then
+              row := k;
+            end if;
+          end loop;
+
+          on_0 := PATTERNS(s);
+
+          for k in 0 to MOVE_LAST(row) loop
+            on_1                     := on_0;
+            on_1(MOVE_GATES(row, k)) := not on_0(MOVE_GATES(row, k));
+            steps(n)                 := on_0 & on_1;
+            on_0                     := on_1;
+            n                        := n + 1;
+          end loop;
+        end if;
+      end loop;
+    end loop;
+
+    return steps;
+
+  end function steps_of_tables;
+
+  constant STEPS : steps_t := steps_of_tables;
+
+  -- whether one pattern follows another one while running
+  function is_step (s, t : std_logic_vector) return boolean is
+
+    variable result : boolean;
+
+  begin
+
+    result := false;
+
+    for n in STEPS'range loop
+      result := result or STEPS(n) = s & t;
+    end loop;
+
+    return result;
+
+  end function is_step;
+
+  -- gates that a step of a stop leaves on
+  function stopped (s : std_logic_vector) return std_logic_vector is
+
+    variable result : leg_gates_t;
+
+  begin
+
+    result := (others => '0');
+
+    for i in STOP_RULES'high(1) downto 0 loop
+      if ((s and STOP_RULES(i, 0)) = STOP_RULES(i, 0) and unsigned(s and STOP_RULES(i, 1)) = 0) then
+        result := s xor STOP_RULES(i, 2);
+      end if;
+    end loop;
+
+    return result;
+
+  end function stopped;
+
+  -- the pattern that may never be
+  function shorts (s : std_logic_vector) return boolean is
+
+    variable result : boolean;
+
+  begin
+
+    result := s = (s'range => '1');
+
+    if (TABLED_LEG) then
+      result := false;
+
+      for i in FORBIDDEN'range loop
+        result := result or (s and FORBIDDEN(i)) = FORBIDDEN(i);
+      end loop;
     end if;
 
-    return (v(0) = '1' and v(1) = '1') or (v(2) = '1' and v(3) = '1') or (v(1) = '1' and v(2) = '1')
-           or (v(5) = '1' and v(6) = '1') or (v(0) = '1' and v(3) = '1')
-           or (v(0) = '1' and v(4) = '1' and v(7) = '1') or (v(3) = '1' and v(4) = '1' and v(7) = '1');
+    return result;
 
   end function shorts;
 
-  -- gates S8 to S1 of a position, from the table of the drive model
-  function full (position : unsigned(2 downto 0)) return std_logic_vector is
+  -- gates of a position, the last one leftmost
+  function full (position : natural) return std_logic_vector is
   begin
 
-    if (not TABLED_LEG) then
-      if (position(0) = '1') then
-        return "01";
-      else
-        return "10";
-      end if;
+    if (TABLED_LEG) then
+      return PATTERNS(position);
+    elsif (position = 1) then
+      return "01";
+    else
+      return "10";
     end if;
-
-    case position is
-
-      when "000" =>
-
-        return "11001010";
-
-      when "001" =>
-
-        return "10101010";
-
-      when "010" =>
-
-        return "01011010";
-
-      when "011" =>
-
-        return "00111010";
-
-      when "100" =>
-
-        return "11000101";
-
-      when "101" =>
-
-        return "10100101";
-
-      when "110" =>
-
-        return "01010101";
-
-      when others =>
-
-        return "00110101";
-
-    end case;
 
   end function full;
 
-  -- one level and one commutation apart, or the same
+  -- an edge apart, or the same
   function follows (a, b : unsigned(2 downto 0)) return boolean is
 
-    variable difference : unsigned(2 downto 0);
+    variable result : boolean;
 
   begin
 
-    difference := a xor b;
+    result := not TABLED_LEG;
 
-    if (not TABLED_LEG or a = b) then
-      return true;
-    elsif (difference = "001" or difference = "010") then
-      return true;
-    end if;
+    for s in 0 to POSITIONS - 1 loop
+      for i in 0 to 3 loop
+        result := result or (a = s and b = NEXT_POSITIONS(s, i));
+      end loop;
+    end loop;
 
-    -- 2-4 and 3-5
-    return difference = "110" and a(2) /= a(1);
+    return result;
 
   end function follows;
+
+  -- position that a code stands for
+  function meant (code : std_logic_vector(2 downto 0)) return unsigned is
+  begin
+
+    if (TABLED_LEG) then
+      return unsigned(POSITION_OF_CODE(to_integer(unsigned(code))));
+    else
+      return unsigned(code);
+    end if;
+
+  end function meant;
 
   -- what cannot be exceeded is exceeded by every measurement
   function trip_of (alpha, beta, limit, volts, high, low : std_logic_vector(15 downto 0)) return boolean is
@@ -234,38 +313,72 @@ architecture rtl of gate_guard_checked is
 
   -- whether a gate at a rail is on
   function rail (s : std_logic_vector) return boolean is
+  begin
 
-    variable v : std_logic_vector(SIZE - 1 downto 0);
+    if (TABLED_LEG) then
+      return not (unsigned(s and RAIL_GATES) = 0);
+    else
+      return unsigned(s) /= 0;
+    end if;
+
+  end function rail;
+
+  -- dead times of the longest stop; without a gate at a rail its first step waits for one
+  function stop_times return natural is
+
+    variable most : natural;
+    variable n    : natural;
+    variable on_0 : leg_gates_t;
 
   begin
 
-    v := s;
+    most := 0;
 
-    if (TABLED_LEG) then
-      return v(0) = '1' or v(3) = '1';
-    end if;
+    for i in STEPS'range loop
+      on_0 := STEPS(i)(leg_gates_t'range);
+      n    := choose(rail(on_0), 0, 1);
 
-    return v /= (v'range => '0');
+      -- no stop turns more gates on and off
+      for k in natural range 1 to 2 * leg_gates_t'length loop
+        if (not (unsigned(on_0) = 0)) then
+          on_0 := stopped(on_0);
+          n    := n + 1;
+        end if;
+      end loop;
 
-  end function rail;
+      if (n > most + 1) then
+        most := n - 1;
+      end if;
+    end loop;
+
+    return most;
+
+  end function stop_times;
 
   -- the same of what else has a band
   function outside (
     a, b, c, high, low, n, n_limit, omega, omega_limit : std_logic_vector(15 downto 0)
   ) return boolean is
 
-    variable of_speed   : boolean;
-    variable of_voltage : boolean;
+    variable result : boolean;
 
   begin
 
-    of_speed   := signed(omega(15) & omega) > signed('0' & omega_limit)
-                  or signed(omega(15) & omega) < -signed('0' & omega_limit) or unsigned(omega_limit) > 32766;
-    of_voltage := unsigned(a) > unsigned(high) or unsigned(b) > unsigned(high) or unsigned(c) > unsigned(high)
-                  or unsigned(a) < unsigned(low) or unsigned(b) < unsigned(low) or unsigned(c) < unsigned(low)
-                  or unsigned(high) > 65534 or signed(n(15) & n) > signed('0' & n_limit)
-                  or signed(n(15) & n) < -signed('0' & n_limit) or unsigned(n_limit) > 32766;
-    return of_speed or (TABLED_LEG and of_voltage);
+    result := signed(omega(15) & omega) > signed('0' & omega_limit)
+             or signed(omega(15) & omega) < -signed('0' & omega_limit) or unsigned(omega_limit) > 32766;
+
+    if (TABLED_LEG and HAS_CAPACITORS) then
+      result := result or unsigned(a) > unsigned(high) or unsigned(b) > unsigned(high) or unsigned(c) > unsigned(high)
+               or unsigned(a) < unsigned(low) or unsigned(b) < unsigned(low) or unsigned(c) < unsigned(low)
+               or unsigned(high) > 65534;
+    end if;
+
+    if (TABLED_LEG and HAS_NEUTRAL) then
+      result := result or signed(n(15) & n) > signed('0' & n_limit)
+               or signed(n(15) & n) < -signed('0' & n_limit) or unsigned(n_limit) > 32766;
+    end if;
+
+    return result;
 
   end function outside;
 
@@ -373,9 +486,9 @@ begin
         floor_off  <= smaller(floor_off, unsigned(minimum_off));
       end if;
 
-      offered(0) <= unsigned(position_a);
-      offered(1) <= unsigned(position_b);
-      offered(2) <= unsigned(position_c);
+      offered(0) <= meant(position_a);
+      offered(1) <= meant(position_b);
+      offered(2) <= meant(position_c);
 
       cut <= rst;
 
@@ -424,9 +537,8 @@ begin
 
         entered(x) <= entered(x) and now_on;
 
-        for s in 0 to 7 loop
-          if (now_on = '1' and g((x + 1) * SIZE - 1 downto x * SIZE) = full(to_unsigned(s, 3))
-              and (TABLED_LEG or s < 2)) then
+        for s in 0 to WHOLES - 1 loop
+          if (now_on = '1' and g((x + 1) * SIZE - 1 downto x * SIZE) = full(s)) then
             whole(x)   <= to_unsigned(s, 3);
             entered(x) <= '1';
           end if;
@@ -470,7 +582,9 @@ begin
     variable extended : std_logic_vector(SIZE - 1 downto 0);
     variable dead     : unsigned(11 downto 0);
     variable most     : unsigned(14 downto 0);
-    variable held     : std_logic_vector(SIZE - 1 downto 0);
+    variable was      : std_logic_vector(SIZE - 1 downto 0);
+    variable aged     : boolean;                      -- no gate of the leg has changed for a dead time
+    variable rests    : boolean;                      -- all its gates were off, or those of a position on
     variable n        : natural;
 
   begin
@@ -489,7 +603,7 @@ begin
     end if;
 
     if (TABLED_LEG) then
-      most := most + shift_left(most, 1);
+      most := resize(most * to_unsigned(stop_times, 3), 15);
     else
       most := (others => '0');
     end if;
@@ -500,7 +614,9 @@ begin
 
     for x in 0 to 2 loop
       leg      := g((x + 1) * SIZE - 1 downto x * SIZE);
+      was      := earlier((x + 1) * SIZE - 1 downto x * SIZE);
       extended := leg;
+      aged     := true;
 
       for i in 0 to SIZE - 1 loop
         n := x * SIZE + i;
@@ -518,38 +634,25 @@ begin
           found(3) <= '1';
         end if;
 
-        -- unchanged for a dead time
-        held(i) := to_std_logic(g(n) = earlier(n) and ages(n) >= dead);
+        if (ages(n) < dead) then
+          aged := false;
+        end if;
       end loop;
 
-      if (TABLED_LEG) then
-        n := x * SIZE;
+      if (TABLED_LEG and leg /= was) then
+        if (now_on = '1') then
+          rests := unsigned(was) = 0;
 
-        if (cut = '0' and latched(FAULT_INTERLOCK) = '0') then
-          if (g(n + 1) = '0' and earlier(n + 1) = '1'
-              and (held(7) = '0' or leg(7) = '0' or held(3) = '0' or leg(3) = '1')) then
-            found(11) <= '1';
+          for s in 0 to WHOLES - 1 loop
+            rests := rests or was = full(s);
+          end loop;
+
+          if (not is_step(was, leg) or not (aged or rests)) then
+            found(12) <= '1';
           end if;
-
-          if (g(n + 2) = '0' and earlier(n + 2) = '1'
-              and (held(4) = '0' or leg(4) = '0' or held(0) = '0' or leg(0) = '1')) then
-            found(11) <= '1';
-          end if;
-
-          if (leg = (leg'range => '0') and earlier(n + 7 downto n + 4) /= "0000"
-              and (held(3 downto 0) /= "1111" or leg(3 downto 0) /= "0000")) then
-            found(11) <= '1';
-          end if;
-        end if;
-
-        if ((g(n + 3) = '1' and earlier(n + 3) = '0' and (held(1) = '0' or leg(1) = '0'))
-            or (g(n) = '1' and earlier(n) = '0' and (held(2) = '0' or leg(2) = '0'))) then
-          found(12) <= '1';
-        end if;
-
-        if (((g(n + 1) and not earlier(n + 1)) = '1' or (g(n + 2) and not earlier(n + 2)) = '1')
-            and (held(7 downto 4) and leg(7 downto 4)) = "0000") then
-          found(12) <= '1';
+        elsif (cut = '0' and latched(FAULT_INTERLOCK) = '0'
+               and (leg /= stopped(was) or not (aged or rail(was)))) then
+          found(11) <= '1';
         end if;
       end if;
 
@@ -561,9 +664,8 @@ begin
         found(1) <= '1';
       end if;
 
-      for s in 0 to 7 loop
-        if (entered(x) = '1' and leg = full(to_unsigned(s, 3)) and (TABLED_LEG or s < 2)
-            and not follows(whole(x), to_unsigned(s, 3))) then
+      for s in 0 to WHOLES - 1 loop
+        if (entered(x) = '1' and leg = full(s) and not follows(whole(x), to_unsigned(s, 3))) then
           found(4) <= '1';
         end if;
       end loop;
