@@ -200,7 +200,7 @@ if [ ! -f "$stamp" ] || [ "$(cat "$stamp")" != "$want" ]; then
   fi
   say "installing the Python packages of requirements.txt into .venv:"
   say_requirements
-  # uv takes a third of pip's time. What pip's settings say of the index, uv has to be told.
+  # uv is much quicker than pip, which gets it. What pip's settings say of the index, uv has to be told.
   pip_install() {
     "$python" -m pip install --quiet --disable-pip-version-check --no-input --require-hashes -r "$1" >&2
   }
