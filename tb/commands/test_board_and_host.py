@@ -654,7 +654,7 @@ def test_the_host_command_turns_the_drive_off_and_survives_a_slow_start(tmp_path
             host = running_host(running.port, log, "-m", "directmpc.host", *given)
             host.terminate()
             ended = host.wait(timeout=30)
-            assert gates_in(log) == 0
+            assert gates_in(log) == 0, f"the host ended with {ended}"
         assert ended == 128 + signal.SIGTERM
 
 

@@ -275,6 +275,42 @@ def test_the_rtl_of_a_kbest_board_decides_as_its_model() -> None:
             assert len(np.unique(found.gates)) > 4
 
 
+COMPILED = """
+import sys
+from numba.core.dispatcher import Dispatcher
+from directmpc.api.drive_file import load_drive
+from directmpc.host import lockstep
+from directmpc.host.board import Board
+
+drive, compiled, compile_one = load_drive(sys.argv[1]), [], Dispatcher.compile
+
+def noted(dispatcher, signature):
+    compiled.append(dispatcher.py_func.__name__)
+    return compile_one(dispatcher, signature)
+
+Dispatcher.compile = noted
+with Board(f"rtl:{sys.argv[1]}") as board:
+    board.load(drive)
+    lockstep.warm_up(drive, board.variant)
+    assert compiled
+    compiled.clear()
+    with lockstep.gates_enabled(board):
+        if hasattr(drive, "converter"):
+            lockstep.run_mpdcc(board, drive, 1.0, 5, board.variant)
+        else:
+            lockstep.run_mptc(board, drive, 600.0, 3.0, 0.95, 5)
+sys.exit(" ".join(compiled) or 0)
+"""
+"""Runs a drive; fails with the names of functions that were compiled while its gates were on."""
+
+
+@pytest.mark.parametrize("drive", ["anpc5l_6kv", "anpc5l_6kv_kbest", "induction_2kw2"])
+def test_nothing_is_compiled_while_gates_are_on(drive: str) -> None:
+    native.write([f"{load_drive(drive).controller}_board"])
+    run = subprocess.run([sys.executable, "-c", COMPILED, drive], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+
+
 @pytest.mark.parametrize("kind", ["spi", "rtl"])
 def test_a_host_in_real_time(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(spi, "PATIENCE", 60.0)

@@ -158,7 +158,7 @@ def run(board: Board, console: Console, given: argparse.Namespace) -> int:
             )
 
     if given.gates:
-        lockstep.warm_up(drive, board.variant)
+        lockstep.warm_up(drive, board.variant, sensorless=given.sensorless)
         with lockstep.gates_enabled(board):
             done = loop()
     else:

@@ -33,7 +33,7 @@ from directmpc.mpdcc.variants import DEFAULT_VARIANT
 from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sensorless import SensorlessController
-from directmpc.states import Controller, Decision, State, ramped
+from directmpc.states import Controller, Decision, State, VectorSequence, ramped
 
 IntArray = NDArray[np.int64]
 _VOLTAGES = [list(MEASUREMENTS).index(name) for name in ("v_n", "v_ph_a", "v_ph_b", "v_ph_c")]
@@ -70,13 +70,41 @@ def gates_enabled(board: Board) -> Iterator[None]:
         board.stop()
 
 
-def warm_up(drive: AnyDrive, variant: str = DEFAULT_VARIANT) -> None:
-    """Compile model and plant, so that no step of a loop waits for it while a watchdog runs.
+class _Rehearsal:
+    """Stands for a board in `warm_up`: what was applied stays, a sequence is the model's."""
 
-    ValueError if the model cannot represent the drive.
+    def __init__(self, drive: AnyDrive, variant: str) -> None:
+        self._model = ModelController(drive, variant)
+        self._decided: Any = None
+
+    def forget_estimates(self) -> None:
+        """It has none."""
+
+    def refuse_unmeasured(self, state: State) -> None:
+        """Note what the model decides."""
+        self._decided = self._model.decide(state).apply
+
+    def answer(self, words: list[int], position: int, name: str) -> Answer:
+        """One step."""
+        return Answer(position, 0, 1, 1, 0, 0)
+
+    def sequence(self) -> VectorSequence | None:
+        """Of the last step."""
+        return self._decided if isinstance(self._decided, VectorSequence) else None
+
+
+def warm_up(drive: AnyDrive, variant: str = DEFAULT_VARIANT, *, sensorless: bool = False) -> None:
+    """Run a loop without a board: what it needs is compiled before a gate is on.
+
+    No step of a loop waits for it while a watchdog runs. And a signal that ends the program may
+    crash a compiler: with gates on only the watchdog would turn them off. ValueError if the model
+    cannot represent the drive.
     """
-    model = ModelController(drive, variant)
-    kind_of(drive).warm_up(drive, model)
+    board: Any = _Rehearsal(drive, variant)
+    if hasattr(drive, "converter"):
+        run_mpdcc(board, drive, 1.0, 3, variant)
+    else:
+        run_mptc(board, drive, 0.0, 0.0, 0.1, 3, sensorless=sensorless)
 
 
 class BoardController:
