@@ -10,6 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from directmpc.mpdcc import tables
 from scripts.hdl.boards import BOARDS, BUILDS, RECORDER_ROWS
 from scripts.measure import bitstream
 from scripts.publish import kept
@@ -32,6 +33,7 @@ def _order(path: Path) -> tuple[str, bool]:
     "--recorder", type=int, default=0, metavar="ROWS", choices=RECORDER_ROWS,
     help="with a recorder of so many steps, in build/bitstream/recorder",
 )  # fmt: skip
+@option("--converter", choices=tables.NAMES, default=tables.DEFAULT, help="but for MPTC")
 @option("--page", action="store_true", help="write reports/bitstreams.md's table")
 def cli(given: argparse.Namespace) -> int | None:
     if given.page:
@@ -43,7 +45,8 @@ def cli(given: argparse.Namespace) -> int | None:
     if given.board is None:
         raise UsageError("--board is needed")
     console = Console(width=None if sys.stdout.isatty() else 110)
-    board = replace(BOARDS[given.board], recorder=given.recorder)
+    board = BOARDS[given.board]
+    board = replace(board, recorder=given.recorder, converter=given.converter)
     found, bit = bitstream.build_all(
         board, given.controller, given.explorers, given.seeds, given.jobs, given.twice
     )

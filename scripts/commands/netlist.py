@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
+from directmpc.mpdcc import tables
 from scripts.hdl.boards import BOARDS, BUILDS
 from scripts.measure import bitstream
 from scripts.shared import progress
@@ -14,8 +16,9 @@ from scripts.shared.command import command, option
 @option("--board", choices=sorted(BOARDS), required=True)
 @option("--controller", choices=tuple(BUILDS), default="mpdcc")
 @option("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
+@option("--converter", choices=tables.NAMES, default=tables.DEFAULT, help="but for MPTC")
 def cli(given: argparse.Namespace) -> int | None:
-    board = BOARDS[given.board]
+    board = replace(BOARDS[given.board], converter=given.converter)
     with progress.busy(f"netlist of {board.name}, {given.controller}"):
         written = bitstream.vendor_netlist(board, given.controller, given.explorers)
     for path in written:

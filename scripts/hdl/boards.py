@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from directmpc.mpdcc import tables
 from scripts.shared.tools import ROOT, Generics
 
 CONSTRAINTS = ROOT / "constraints"
@@ -54,6 +55,7 @@ class Board:
     #: Options of MPDCC that it has no room for, generics of board_top that are false there.
     left_out: tuple[str, ...] = ()
     recorder: int = 0  #: Steps that its recorder keeps; 0: it has none.
+    converter: str = tables.DEFAULT  #: What controllers of multilevel converters are built for.
 
     def core_mhz(self, controller: str) -> float:
         """Clock of the core."""

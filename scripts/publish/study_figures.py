@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from scripts.hdl import states
+from scripts.measure import bitstream
 from scripts.shared import rows as stored_rows
 from scripts.shared import tables
 from scripts.shared.tools import ROOT
@@ -408,7 +409,7 @@ def of_boards(reports: Path = REPORTS) -> Section:
     for found in json.loads((reports / "bitstreams.json").read_text(encoding="utf-8")):
         used = {key: found["used"].get(kind, (0, 0))[0] for key, kind in RESOURCES.items()}
         clocks = {key: found[key] for key in ("clock_mhz", "fmax_worst_mhz", "seeds")}
-        build = found["controller"] + "_recorder" * bool(found.get("recorder"))
+        build = "_".join([found["controller"], *bitstream.options(found)])
         put(section, (found["board"], build), used | clocks)
     return section
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -213,12 +214,14 @@ def test_the_second_build_converts_the_vhdl_anew(
 ) -> None:
     asked = []
 
-    def convert(top: str, generics: object, out: Path) -> tuple[Path, None]:
+    def convert(
+        top: str, generics: object, out: Path, files: list[Path], std: str
+    ) -> tuple[Path, None]:
         asked.append(out)
         out.write_text("module board_top; endmodule\n")
         return out, None
 
-    def kept(*_: object) -> Path:
+    def kept(*_: object, **__: object) -> Path:
         raise AssertionError("a kept conversion was used")
 
     monkeypatch.setattr(netlist, "convert", convert)
@@ -227,6 +230,30 @@ def test_the_second_build_converts_the_vhdl_anew(
     mapped = bitstream.synthesise(BOARD, "mptc", 1, tmp_path, anew=True)
     assert mapped.parent == tmp_path
     assert [path.parent for path in asked] == [tmp_path]
+
+
+def test_a_converter_is_chosen_in_one_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    packages = []
+
+    def kept(top: str, generics: object, rtl: Path) -> Path:
+        packages.append((rtl / "converter" / "converter_leg.vhd").read_text())
+        out = tmp_path / "kept.v"
+        out.write_text(f"module board_top; endmodule // {len(packages)}\n")
+        return out
+
+    monkeypatch.setattr(netlist, "cached", kept)
+    monkeypatch.setattr(bitstream, "map_netlist", lambda *a, **_: a[3].write_text("{}"))
+    chosen = [BOARD, replace(BOARD, converter="npc3l")]
+    stems = [bitstream.synthesise(one, "mpdcc", 1, tmp_path).stem for one in chosen]
+    assert [stem.rsplit("-", 1)[0] for stem in stems] == [
+        "ulx3s-85f-mpdcc", "ulx3s-85f-mpdcc-npc3l",
+    ]  # fmt: skip
+    named = [f"-- Switch positions of a leg of the converter {n}" for n in ("anpc5l", "npc3l")]
+    assert [text.splitlines()[0].split(" (")[0] for text in packages] == named
+    with pytest.raises(ToolError, match="a converter of its own"):
+        bitstream.build(chosen[1], "mptc", 1, 1, tmp_path, lambda _: None)
 
 
 def test_the_page_has_a_row_for_every_bitstream(flow: Any) -> None:
@@ -246,5 +273,7 @@ def test_the_page_has_a_row_for_every_bitstream(flow: Any) -> None:
     assert names == ["| ulx3s-85f, MPTC", "| ulx3s-85f, MPTC family", "| ulx3s-12f, MPTC"]
     beside = bitstream.page(text, [found, found | {"recorder": 256}])
     assert "| ulx3s-85f, MPTC, recorder of 256 steps | 123 of 83640 |" in beside
+    other = bitstream.page(text, [found | {"controller": "mpdcc", "converter": "npc3l"}])
+    assert "| ulx3s-85f, MPDCC, `npc3l` | 123 of 83640 |" in other
     with pytest.raises(ToolError, match="markers"):
         bitstream.page("nothing", [found])
