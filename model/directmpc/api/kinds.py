@@ -18,6 +18,7 @@ from directmpc.fixed_point import Format
 from directmpc.kbest import bit_true as kbest_bit_true
 from directmpc.kbest import ideal as kbest_ideal
 from directmpc.kbest.coefficients import only_built, registers
+from directmpc.mpdcc import closed_loop as mpdcc_loop
 from directmpc.mpdcc import errors as mpdcc_errors
 from directmpc.mpdcc import ideal as mpdcc_ideal
 from directmpc.mpdcc import trace
@@ -30,6 +31,7 @@ from directmpc.mpdcc.trace import FloatArray, MpdccTrace
 from directmpc.mpdcc.variants import VARIANTS, library_of
 from directmpc.mptc import bit_true as mptc_bit_true
 from directmpc.mptc import bit_true_sequences, ideal_sequences
+from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc import coefficients as mptc_coefficients
 from directmpc.mptc import errors as mptc_errors
 from directmpc.mptc import ideal as mptc_ideal
@@ -44,6 +46,7 @@ from directmpc.mptc.sequence import TIME_STEPS, whole
 from directmpc.native import NativeError
 from directmpc.register_map import registers_of
 from directmpc.states import (
+    Controller,
     Decision,
     MpdccDecision,
     MpdccState,
@@ -99,6 +102,9 @@ class _Kind(Protocol):
 
     def torque(self, drive: Any, speed: float, torque: float | None) -> tuple[float, float, str]:
         """Torque that is asked for, the rated one, and their unit."""
+
+    def warm_up(self, drive: Any, controller: Controller) -> None:
+        """Compile what a loop around a controller needs."""
 
     def power(self, result: Any) -> FloatArray:
         """Active power of a `SimulationResult`, pu or W."""
@@ -200,6 +206,11 @@ class _FiveLevelKind:
     ) -> tuple[float, float, str]:
         """As of `Kind`; power over frequency of a load that is no machine."""
         return OperatingPoint(speed, torque=torque).steady_state(drive.machine).torque, 1.0, "pu"
+
+    def warm_up(self, drive: PerUnitDrive, controller: Controller) -> None:
+        """Two steps of a loop."""
+        profile = mpdcc_loop.constant_profile(drive, OperatingPoint(1.0), 2)
+        mpdcc_loop.drive_controller(drive, controller, profile, 2)
 
     def power(self, result: Any) -> FloatArray:
         """On the shaft of a machine, into a grid, or of a resistance, per unit."""
@@ -423,6 +434,10 @@ class _TwoLevelKind:
         """As of `Kind`; a quarter of `torque_max` unless it is given."""
         most = drive.control.torque_max
         return 0.25 * most if torque is None else float(torque), most, "N*m"
+
+    def warm_up(self, drive: MptcDrive, controller: Controller) -> None:
+        """Two periods of a loop."""
+        mptc_loop.drive_controller(drive, controller, mptc_loop.constant(drive, 0.0, 0.0, 0.1, 2))
 
     def power(self, result: Any) -> FloatArray:
         """On the shaft, W."""

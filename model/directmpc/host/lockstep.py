@@ -101,10 +101,8 @@ def warm_up(drive: AnyDrive, variant: str = DEFAULT_VARIANT, *, sensorless: bool
     cannot represent the drive.
     """
     board: Any = _Rehearsal(drive, variant)
-    if hasattr(drive, "converter"):
-        run_mpdcc(board, drive, 1.0, 3, variant)
-    else:
-        run_mptc(board, drive, 0.0, 0.0, 0.1, 3, sensorless=sensorless)
+    controller = BoardController(board, drive, variant, sensorless=sensorless)
+    kind_of(drive).warm_up(drive, controller)
 
 
 class BoardController:
