@@ -33,7 +33,7 @@ from directmpc.mpdcc.variants import DEFAULT_VARIANT
 from directmpc.mptc import closed_loop as mptc_loop
 from directmpc.mptc.drive import MptcDrive
 from directmpc.mptc.sensorless import SensorlessController
-from directmpc.states import Controller, Decision, State, VectorSequence, ramped
+from directmpc.states import Controller, Decision, State, ramped
 
 IntArray = NDArray[np.int64]
 _VOLTAGES = [list(MEASUREMENTS).index(name) for name in ("v_n", "v_ph_a", "v_ph_b", "v_ph_c")]
@@ -88,9 +88,9 @@ class _Rehearsal:
         """One step."""
         return Answer(position, 0, 1, 1, 0, 0)
 
-    def sequence(self) -> VectorSequence | None:
-        """Of the last step."""
-        return self._decided if isinstance(self._decided, VectorSequence) else None
+    def sequence(self) -> Any:
+        """What the model decided last: a sequence, or one vector."""
+        return self._decided
 
 
 def warm_up(drive: AnyDrive, variant: str = DEFAULT_VARIANT, *, sensorless: bool = False) -> None:
