@@ -102,16 +102,13 @@ def test_cores_that_are_not_measured_lie_between_their_neighbours(folded: bool) 
             assert rows[n][figure] == pytest.approx(between, rel=0.02), (n, figure)
 
 
-def test_a_recorder_takes_at_most_350_luts_and_8_block_rams() -> None:
-    held, grown = budgets.load().resources, []
-    for system in ("mpdcc_system", "mptc_system"):
-        bare, whole = (held[name]["ecp5"] for name in (system, f"{system}-recorder_rows_256"))
-        grown.append({figure: whole[figure] - bare[figure] for figure in bare})
-        assert (grown[-1]["bram"], grown[-1]["dsp"]) == (8, 0)
-    # the mean: any change of a system moves its LUTs by some forty, the same logic or not
-    luts = [one["lut"] for one in grown]
-    assert 0 < sum(luts) / len(luts) <= 350, luts
-    assert max(luts) <= 390, luts
+@pytest.mark.parametrize("system", ["mpdcc_system", "mptc_system"])
+def test_a_recorder_takes_at_most_350_luts_and_8_block_rams(system: str) -> None:
+    held = budgets.load().resources
+    bare, whole = (held[name]["ecp5"] for name in (system, f"{system}-recorder_rows_256"))
+    grown = {figure: whole[figure] - bare[figure] for figure in bare}
+    assert 0 < grown["lut"] <= 350
+    assert (grown["bram"], grown["dsp"]) == (8, 0)
 
 
 def test_what_is_missing_is_named() -> None:
