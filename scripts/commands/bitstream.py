@@ -33,7 +33,7 @@ def _order(path: Path) -> tuple[str, bool]:
     "--recorder", type=int, default=0, metavar="ROWS", choices=RECORDER_ROWS,
     help="with a recorder of so many steps, in build/bitstream/recorder",
 )  # fmt: skip
-@option("--converter", choices=tables.NAMES, default=tables.DEFAULT, help="but for MPTC")
+@option("--converter", choices=tables.NAMES, default=tables.DEFAULT, help="of MPDCC")
 @option("--page", action="store_true", help="write reports/bitstreams.md's table")
 def cli(given: argparse.Namespace) -> int | None:
     if given.page:

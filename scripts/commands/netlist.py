@@ -16,7 +16,7 @@ from scripts.shared.command import command, option
 @option("--board", choices=sorted(BOARDS), required=True)
 @option("--controller", choices=tuple(BUILDS), default="mpdcc")
 @option("--explorers", type=int, choices=range(1, 9), default=1, metavar="1..8")
-@option("--converter", choices=tables.NAMES, default=tables.DEFAULT, help="but for MPTC")
+@option("--converter", choices=tables.NAMES, default=tables.DEFAULT, help="of MPDCC")
 def cli(given: argparse.Namespace) -> int | None:
     board = replace(BOARDS[given.board], converter=given.converter)
     with progress.busy(f"netlist of {board.name}, {given.controller}"):

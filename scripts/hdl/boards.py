@@ -55,7 +55,7 @@ class Board:
     #: Options of MPDCC that it has no room for, generics of board_top that are false there.
     left_out: tuple[str, ...] = ()
     recorder: int = 0  #: Steps that its recorder keeps; 0: it has none.
-    converter: str = tables.DEFAULT  #: What controllers of multilevel converters are built for.
+    converter: str = tables.DEFAULT  #: What MPDCC is built for.
 
     def core_mhz(self, controller: str) -> float:
         """Clock of the core."""

@@ -243,8 +243,8 @@ def sha256(path: Path) -> str:
 
 
 def _has_room(board: Board, controller: str) -> None:
-    if board.converter != converters.DEFAULT and board.generics(controller)["CONTROLLER"] == 2:
-        raise ToolError(f"{controller} has a converter of its own; --converter is for the others")
+    if board.converter != converters.DEFAULT and controller != "mpdcc":
+        raise ToolError(f"--converter: {controller} has one converter; mpdcc is built for any")
     if controller not in board.controllers:
         fitting = " and ".join(board.controllers)
         raise ToolError(f"{board.name} has no room for {controller}; it has for {fitting}")
