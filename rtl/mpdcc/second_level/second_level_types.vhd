@@ -134,7 +134,7 @@ package second_level_types is
     bank     : std_logic;                           -- table of the capacitors
   end record visit_t;
 
-  -- positions that the first phases can take after a position, all combinations; from 3 to 64 of them.
+  -- positions that the first phases can take after a position, all combinations; 64 at most.
   -- The result is less by a constant.
   function combinations (position : positions_t; phases : positive; less : natural := 0) return unsigned;
 
@@ -142,38 +142,72 @@ end package second_level_types;
 
 package body second_level_types is
 
+  -- some position has two next positions alone
+
+  function has_twos return boolean is
+
+    variable result : boolean;
+
+  begin
+
+    result := false;
+
+    for s in NEXT_LAST'range loop
+      result := result or NEXT_LAST(s) = 1;
+    end loop;
+
+    return result;
+
+  end function has_twos;
+
   function combinations (position : positions_t; phases : positive; less : natural := 0) return unsigned is
 
+    variable twos   : unsigned(1 downto 0);
     variable fours  : unsigned(1 downto 0);
     variable count  : natural;
     variable result : unsigned(BUDGET_WIDTH - 1 downto 0);
 
   begin
 
-    -- phases with four next positions; the others have three
+    -- phases with two and with four next positions; the others have three
+    twos  := "00";
     fours := "00";
 
     for x in 0 to phases - 1 loop
       if (NEXT_LAST(to_integer(position(x))) = 3) then
         fours := fours + 1;
       end if;
+
+      if (has_twos) then
+        if (NEXT_LAST(to_integer(position(x))) = 1) then
+          twos := twos + 1;
+        end if;
+      end if;
     end loop;
 
     result := (others => '0');
 
-    for i in 0 to phases loop
-      count := 1;
+    for j in 0 to phases loop
+      if (twos = j) then
 
-      for x in 1 to phases loop
-        if (x <= i) then
-          count := count * 4;
-        else
-          count := count * 3;
-        end if;
-      end loop;
+        for i in 0 to phases - j loop
+          count := 1;
 
-      if (fours = i) then
-        result := to_unsigned(count - less, BUDGET_WIDTH);
+          for x in 1 to phases loop
+            if (x <= i) then
+              count := count * 4;
+            elsif (x <= i + j) then
+              count := count * 2;
+            else
+              count := count * 3;
+            end if;
+          end loop;
+
+          if (fours = i) then
+            result := to_unsigned(count - less, BUDGET_WIDTH);
+          end if;
+        end loop;
+
       end if;
     end loop;
 
