@@ -7,9 +7,11 @@ import sys
 from pathlib import Path
 
 from directmpc.host.console import terminable
+from directmpc.mpdcc import tables
 from scripts.measure import mutation
 from scripts.publish import evidence
 from scripts.shared.command import command, count, option, scheduled
+from scripts.shared.tools import BUILD
 
 
 @command(
@@ -24,6 +26,10 @@ from scripts.shared.command import command, count, option, scheduled
 @option("--jobs", type=count, default=2, help="entities at a time")
 @option("--anew", action="store_true", help="run what has results already, too")
 @option("--publish", action="store_true", help="only publish, run nothing")
+@option(
+    "--converter", choices=tables.NAMES, default=tables.DEFAULT,
+    help="whose packages the design has; another one's results are kept in build/, not published",
+)  # fmt: skip
 @option("--out", type=Path, default=mutation.RESULTS, help="folder of the results; a file for each")
 @option(
     "--page", type=Path, default=mutation.PAGE, help="page of the tables, with the badge beside"
@@ -32,6 +38,11 @@ from scripts.shared.command import command, count, option, scheduled
 @scheduled
 def cli(given: argparse.Namespace) -> int | None:
     units = mutation.listed()
+    other = given.converter != tables.DEFAULT
+    if other:
+        units = mutation.of_converter(given.converter, units)
+        if given.out == mutation.RESULTS:
+            given.out = BUILD / "mutation" / given.converter
     chosen = mutation.named(given.only, units)
     if not given.publish:
         with terminable():
@@ -43,8 +54,8 @@ def cli(given: argparse.Namespace) -> int | None:
                 anew=given.anew,
                 scheduler=given.scheduler,
             )
-        argued = mutation.arguments()
         for unit in chosen:
+            argued = mutation.arguments_of(unit)
             found = mutation.score(unit.name, mutation.kept(unit.name, given.out), argued)
             counted = found.mutants - found.equivalent
             print(
@@ -53,6 +64,8 @@ def cli(given: argparse.Namespace) -> int | None:
             )
             for row in found.survivors:
                 print(f"  {unit.file}:{row['line']}: {row['before']}  ->  {row['after']}")
+    if other:
+        return 0
     mutation.publish(given.page, given.out, given.metrics)
     if (given.page, given.out) == (mutation.PAGE, mutation.RESULTS):
         evidence.write_pages()

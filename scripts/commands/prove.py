@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from directmpc.mpdcc import tables
 from scripts.measure import proofs
 from scripts.measure.ranges import table as ranges
 from scripts.shared import tools
@@ -18,11 +19,17 @@ from scripts.shared.command import command, count, option
 @command(failed=1)
 @option("only", nargs="*", help="entities; all without")
 @option("--jobs", type=count, default=2)
+@option(
+    "--converter", choices=tables.NAMES,
+    help="only proofs that ask for a leg or its graph, with its packages",
+)  # fmt: skip
 @option("--out", type=Path, default=proofs.RESULTS)
 def cli(given: argparse.Namespace) -> int | None:
     everything = proofs.listed()
     known = {check.entity for check in ranges.CHECKS}
     of_ranges = [check for check in ranges.CHECKS if not given.only or check.entity in given.only]
+    if given.converter:
+        everything, of_ranges, known = proofs.of_converter(given.converter, everything), [], set()
     others = [name for name in given.only if name not in known or name in proofs.entities()]
     chosen = proofs.named(others, everything) if others or not given.only else []
     outcomes = proofs.prove_all(chosen, given.jobs)

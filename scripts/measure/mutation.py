@@ -31,11 +31,12 @@ import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any
 
-from scripts.hdl import equivalence, ghdl, sources
+from directmpc.mpdcc.tables import DEFAULT
+from scripts.hdl import converter_package, equivalence, ghdl, sources
 from scripts.hdl.mutants import Mutant, code, mutants, shuffled
 from scripts.shared import progress, tables, tools
 from scripts.shared.tools import ROOT, Generics, ToolError
@@ -55,7 +56,7 @@ PATIENCE, GRACE = 6, 5
 LONGEST = 4 * 3600
 #: Part of its time that a test is supposed to take until it kills.
 EARLY = 0.25
-_KEYS = ("tests", "above", "top", "configurations")
+_KEYS = ("tests", "above", "top", "configurations", "converters")
 #: What the copy of the project is without.
 _ELSEWHERE = (".git", ".venv", "build", "__pycache__", ".*_cache", "site")
 
@@ -74,6 +75,14 @@ class Unit:
     above: tuple[str, ...]  #: Benches and proofs of what stands above it.
     top: str  #: Entity whose netlists are compared; empty for none.
     configurations: tuple[Generics, ...]  #: Generics with which they are.
+    #: Benches and proofs with the packages of another converter, ``{}`` for its name.
+    converters: tuple[str, ...] = ()
+    converter: str = DEFAULT  #: Whose packages the design has.
+
+    @property
+    def rtl(self) -> Path:
+        """The design, below the project's root."""
+        return converter_package.rtl_of(self.converter).relative_to(ROOT)
 
 
 # --- the list -------------------------------------------------------------------------------------
@@ -122,7 +131,7 @@ def listed(path: Path = LIST, root: Path = ROOT) -> list[Unit]:
         above = _texts(where, "above", table.get("above", []))
         if not tests:
             raise MutationError(f"{where}: there is no folder of tests of that name; name 'tests'")
-        for test in (*tests, *above):
+        for test in (*tests, *above, *table.get("converters", ())):
             if not (root / test.partition("::")[0]).exists():
                 raise MutationError(f"{where}: there is no test '{test}'")
         found.append(
@@ -133,6 +142,7 @@ def listed(path: Path = LIST, root: Path = ROOT) -> list[Unit]:
                 above,
                 table.get("top", name if entity else ""),
                 tuple(table.get("configurations", [{}])),
+                _texts(where, "converters", table.get("converters", [])),
             )
         )
     return found
@@ -152,6 +162,17 @@ def named(names: Iterable[str], units: Sequence[Unit]) -> list[Unit]:
             f"'{min(unknown)}' is not in {LIST.name}; there are: {', '.join(sorted(known))}"
         )
     return [unit for unit in units if not wanted or unit.name in wanted]
+
+
+def of_converter(name: str, units: Iterable[Unit]) -> list[Unit]:
+    """The units that have benches for any converter, with the packages of one."""
+    found = []
+    for unit in units:
+        if unit.converters:
+            tests = tuple(test.format(name) for test in unit.converters)
+            one = replace(unit, converter=name, tests=tests, above=())
+            found.append(replace(one, file=one.rtl / unit.file.relative_to("rtl")))
+    return found
 
 
 @dataclass(frozen=True)
@@ -182,6 +203,12 @@ def arguments(path: Path = ARGUED) -> list[Argument]:
                 before, after, place = (*mutant, 1)[:3]
                 found.append(Argument(unit, (before, after, place), entry["why"]))
     return found
+
+
+def arguments_of(unit: Unit) -> list[Argument]:
+    """Those of a unit; they are about the checked-in design."""
+    usual = unit.converter == DEFAULT
+    return [one for one in arguments() if usual and one.unit == unit.name]
 
 
 # --- what is kept ---------------------------------------------------------------------------------
@@ -423,7 +450,7 @@ class _Judge:
         self.kills = Counter(self.killer.values())
         self.spent: dict[str, float] = {}  # seconds of the processor, by test
         (folder / "library").mkdir()
-        rtl = place.root / "rtl"
+        rtl = place.root / unit.rtl
         self.compiler = _Compiler(self.file, unit.name, rtl, folder / "library")
         self.gold = folder / "gold"
         shutil.copytree(rtl, self.gold)
@@ -523,7 +550,7 @@ class _Judge:
             return list(among)
         designs = [
             sources.compile_order(self.unit.top, sources.rtl_files(rtl))
-            for rtl in (self.gold, self.place.root / "rtl")
+            for rtl in (self.gold, self.place.root / self.unit.rtl)
         ]
 
         def _same(generics: Generics) -> bool:
@@ -566,6 +593,8 @@ def mutate(
     anew: bool = False,
 ) -> dict[str, Any]:
     """Run the mutants of a unit that have no result yet."""
+    if not (root / unit.rtl).exists():
+        shutil.copytree(ROOT / unit.rtl, root / unit.rtl)
     source = (root / unit.file).read_text(encoding="utf-8")
     keys = keys_of(unit, root)
     before = kept(unit.name, results)
@@ -574,7 +603,7 @@ def mutate(
     by_name = {one.name: one for one in everything}
     # comments do not count for the key, but they move lines
     rows = {n: row | {"line": by_name[n].line} for n, row in rows.items() if n in by_name}
-    argued = {one.name for one in arguments() if one.unit == unit.name}
+    argued = {one.name for one in arguments_of(unit)}
     counted, left, whole = 0, sample, True
     open_: list[Mutant] = []
     with tempfile.TemporaryDirectory(prefix="directmpc-mutant-") as name:

@@ -14,8 +14,8 @@ A signal inside the entity is reached by a wire with an attribute:
 ``(* inside = "i_dut.state" *) wire [1:0] state;``. With ``when = "GENERIC"`` beside it the wire is
 zero where that generic is false or not there. The generic `CONVERTER` is the name of a converter:
 the entity has its packages then. `converter.vh` has its leg as functions, with `TABLED_LEG` = false
-that of half bridges. With ``words = "64"`` it is the memory of that name,
-word 0 in the lowest bits.
+that of half bridges. `switch_graph.vh` has its graph; that of the usual converter is told anew.
+With ``words = "64"`` the wire is the memory of that name, word 0 in the lowest bits.
 
 The proof is an induction over clocks, and holds for any number of them. No first state is assumed.
 Reset: in any state, one clock of ``rst`` leads to a state where every property and every fact
@@ -42,13 +42,14 @@ import tempfile
 import time
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from directmpc.converter import Converter
 from directmpc.host.gate_guard import LEGS
 from directmpc.mpdcc import tables as converters
+from directmpc.mpdcc.formats import INDEX_WIDTH
 from scripts.hdl import conversion, converter_package, sources
 from scripts.measure.ranges import intervals
 from scripts.measure.ranges import table as ranges
@@ -206,6 +207,28 @@ def named(names: Iterable[str], proofs: Sequence[Proof]) -> list[Proof]:
     return [proof for proof in proofs if not wanted or proof.entity in wanted]
 
 
+def of_converter(name: str, proofs: Iterable[Proof]) -> list[Proof]:
+    """The proofs that ask for a leg or its graph, with the packages of a converter."""
+    found = []
+    for proof in proofs:
+        if "`include" not in proof.module.read_text(encoding="utf-8"):
+            continue
+        chosen = {
+            words: generics | {"CONVERTER": name}
+            for words, generics in proof.configurations.items()
+            if "CONVERTER" not in generics and generics.get("TABLED_LEG", True)
+        }
+        usual = next(iter(chosen))
+        properties = tuple(
+            replace(one, fault=replace(one.fault, configuration=usual))
+            if one.fault.configuration not in chosen
+            else one
+            for one in proof.properties
+        )
+        found.append(replace(proof, configurations=chosen, properties=properties))
+    return found
+
+
 # --- from VHDL to questions -----------------------------------------------------------------------
 
 _INSIDE = re.compile(
@@ -219,6 +242,7 @@ _ANSWER = re.compile(r'^"?@(\d+)"?\n(sat|unsat|unknown)$', re.M)
 def _connections(text: str, generics: Generics) -> tuple[list[str], list[str]]:
     """Yosys' commands that lead signals of the entity, and words of its memories, to the proof."""
     signals, memories = [], []
+    text = re.sub(r"`(\w+)", lambda macro: str(int(generics.get(macro[1], 0))), text)
     found = _INSIDE.findall(text)
     for inside, when, words, bits, name in found:
         if words:
@@ -305,18 +329,37 @@ def _leg(leg: Converter) -> str:
     )  # fmt: skip
 
 
+def _graph(leg: Converter) -> str:
+    """A converter's switch graph, as switch_graph.vh tells it; weights of a positive current."""
+    shown = leg.position_of_code
+    edges = [(s, n, t) for s in range(8) for n, t in enumerate(leg.next_positions[shown[s]])]
+    counts = {(s,): int(leg.next_count[shown[s]]) for s in range(8)}
+    weights = {(s, t): int(leg.transition_weight[0, shown[s], t]) for s, _, t in edges}
+    return "\n".join(
+        [
+            _function("count", "[2:0]", "s", counts),
+            _function("next", "[2:0]", "sn", {(s, n): t for s, n, t in edges}),
+            _function("effort", "[3:0]", "st", weights),
+            "",
+        ]
+    )
+
+
 def _machine(proof: Proof, generics: Generics, folder: Path, rtl: Path) -> str:
     """The entity with its proof around it, as SMT-LIB."""
     generics = dict(generics)
     name, tabled = generics.pop("CONVERTER", converters.DEFAULT), generics.get("TABLED_LEG", True)
     rtl = converter_package.rtl_of(str(name)) if rtl == sources.RTL else rtl
     leg = LEGS[str(name) if tabled else False]
+    efforts = 1 + 3 * int(leg.transition_weight.max())
     tools.write(folder / "converter.vh", _leg(leg))
     known = generics | {
         "OWN_AGE": not all(on & leg.stop_first for on in leg.gates),
         "STEPPED": leg.stop_steps > 1,
         "HAS_CAPACITORS": bool(tabled and leg.capacitor_nodes),
         "HAS_NEUTRAL": bool(tabled and leg.neutral_node),
+        "EFFORTS": efforts,
+        "LAST_HEAD": efforts * INDEX_WIDTH - 1,
     }
     files = [*sources.compile_order(proof.entity, sources.rtl_files(rtl)), *proof.files]
     std = "08" if any(sources.is_wrapper(path, rtl) for path in files) else "93"
@@ -325,6 +368,8 @@ def _machine(proof: Proof, generics: Generics, folder: Path, rtl: Path) -> str:
     tools.write(folder / "proof.v", text)
     for header in proof.module.parent.glob("*.vh"):
         shutil.copy(header, folder)
+    if name != converters.DEFAULT:
+        tools.write(folder / "switch_graph.vh", _graph(leg))
     signals, memories = _connections(text, known)
     macros = " ".join(f"-D {name}={int(value)}" for name, value in known.items())
     script = [

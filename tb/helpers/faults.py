@@ -25,14 +25,18 @@ def file_of(unit: str, rtl: Path = RTL) -> Path:
     return found[0]
 
 
-def altered(folder: Path, unit: str, old: str, new: str, times: int = 1) -> Path:
+def altered(
+    folder: Path, unit: str, old: str, new: str, times: int = 1, design: Path = RTL
+) -> Path:
     """Copy the design into ``folder``, with ``new`` in place of ``old`` in one unit's file."""
-    return _altered(folder, [(unit, old, new)], times)
+    return _altered(folder, [(unit, old, new)], times, design)
 
 
-def _altered(folder: Path, changes: Iterable[tuple[str, str, str]], times: int = 1) -> Path:
+def _altered(
+    folder: Path, changes: Iterable[tuple[str, str, str]], times: int = 1, design: Path = RTL
+) -> Path:
     rtl = folder / "rtl"
-    shutil.copytree(RTL, rtl)
+    shutil.copytree(design, rtl)
     for unit, old, new in changes:
         path = file_of(unit, rtl)
         text = path.read_text(encoding="utf-8")

@@ -2,6 +2,7 @@
 //
 // One list is watched, any one, of its places one, and for the slopes one candidate. What the list should hold is told anew, as a stack.
 //
+// EFFORTS, LAST_HEAD: how many efforts a candidate can have, and the last bit of a place for each.
 // Licence: Apache-2.0
 
 module proof (
@@ -11,7 +12,7 @@ module proof (
   input [3:0] watched_list, input [6:0] watched_depth, input [5:0] watched_place
 );
 
-  localparam LISTS = 10;  // efforts of 0 to 9
+  localparam LISTS = `EFFORTS;  // from 0 on
 
   wire whole, valid, empty;
   wire [5:0] entry_index, entry_length;
@@ -29,14 +30,14 @@ module proof (
   );
 
   // its registers and memories; a link is length, more, next place
-  (* inside = "i_dut.used" *) wire [9:0] used;
+  (* inside = "i_dut.used" *) wire [LISTS - 1:0] used;
   (* inside = "i_dut.stage" *) wire [1:0] stage;
   (* inside = "i_dut.lowest" *) wire [3:0] lowest;
   (* inside = "i_dut.place" *) wire [5:0] place;
   (* inside = "i_dut.link_in" *) wire [12:0] link_in;
   (* inside = "i_dut.link" *) wire [12:0] link;
   (* inside = "i_dut.i_slopes.word" *) wire [33:0] slope_on_way;
-  (* inside = "i_dut.heads", words = "10" *) wire [59:0] heads;
+  (* inside = "i_dut.heads", words = "`EFFORTS" *) wire [`LAST_HEAD:0] heads;
   (* inside = "i_dut.i_links.memory", words = "64" *) wire [831:0] links;
   (* inside = "i_dut.i_slopes.memory", words = "64" *) wire [2175:0] slopes;
   localparam CHOOSE = 0, READ = 1, SHOW = 2;

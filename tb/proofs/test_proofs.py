@@ -1,6 +1,7 @@
 """The proofs of `tb/proofs/`: all hold, each fails on a fault, and none holds for a wrong reason.
 
-Sweep: every entity and configuration of proofs.toml; every property's fault.
+Sweep: every entity and configuration of proofs.toml; every property's fault; what asks for a leg or
+its graph with the packages of each converter.
 Checks: that properties and facts are proven; that each property notices its fault without the help
 of any fact, so that none of them can be switched off unnoticed; that facts which contradict one
 another, a property without a proof and a list with mistakes are refused; that the page has every
@@ -16,11 +17,13 @@ from pathlib import Path
 
 import pytest
 
+from directmpc.mpdcc import tables
 from scripts.__main__ import main
-from scripts.hdl import sources
+from scripts.hdl import converter_package, sources
 from scripts.measure import proofs
 from scripts.measure.ranges import table as ranges
-from scripts.shared import tables, tools
+from scripts.shared import tools
+from scripts.shared.tables import inside
 from tb.helpers.faults import altered
 
 
@@ -40,6 +43,16 @@ pytestmark = pytest.mark.skipif(
 LISTED = proofs.listed()
 CONFIGURATIONS = [(proof, name) for proof in LISTED for name in proof.configurations]
 PROPERTIES = [(proof, one) for proof in LISTED for one in proof.properties]
+#: With the packages of another converter; those of the guard are in the list.
+OTHERS = [
+    (name, proof) for name in tables.NAMES if name != tables.DEFAULT
+    for proof in proofs.of_converter(name, LISTED)
+]  # fmt: skip
+GRAPHS = [
+    (name, proof, configuration)
+    for name, proof in OTHERS if proof.entity != "gate_guard"
+    for configuration in proof.configurations
+]  # fmt: skip
 
 SMALL = """
 [countdown.configurations]
@@ -88,6 +101,37 @@ def test_everything_holds(proof: proofs.Proof, name: str) -> None:
 def test_a_fault_is_noticed(proof: proofs.Proof, one: proofs.Property, tmp_path: Path) -> None:
     rtl = altered(tmp_path, one.fault.unit, one.fault.text, one.fault.fault)
     assert proofs.notices(proof, one, rtl)
+
+
+@pytest.mark.parametrize(
+    ("name", "proof", "configuration"),
+    GRAPHS, ids=[f"{name}-{proof.entity}-{one}" for name, proof, one in GRAPHS],
+)  # fmt: skip
+def test_a_graph_holds(name: str, proof: proofs.Proof, configuration: str) -> None:
+    found = proofs.prove(proof, configuration)
+    assert found.holds, (found.refuted, found.unanswered)
+
+
+@pytest.mark.parametrize(
+    ("name", "proof", "one"),
+    [(name, proof, one) for name, proof in OTHERS for one in proof.properties],
+    ids=[f"{name}-{p.entity}-{one.name}" for name, p in OTHERS for one in p.properties],
+)
+def test_a_fault_is_noticed_in_each_converter(
+    name: str, proof: proofs.Proof, one: proofs.Property, tmp_path: Path
+) -> None:
+    design = converter_package.rtl_of(name)
+    rtl = altered(tmp_path, one.fault.unit, one.fault.text, one.fault.fault, design=design)
+    assert proofs.notices(proof, one, rtl)
+
+
+def test_what_asks_for_a_leg_is_proven_with_the_packages_of_any() -> None:
+    found = proofs.of_converter("npc3l", LISTED)
+    assert {"gate_guard", "candidate_enumerator", "leaf_dispatcher"} <= {p.entity for p in found}
+    assert "countdown" not in {proof.entity for proof in found}
+    for proof in found:
+        assert all(one["CONVERTER"] == "npc3l" for one in proof.configurations.values())
+        assert {p.fault.configuration for p in proof.properties} <= set(proof.configurations)
 
 
 def test_a_proof_holds_and_its_fault_breaks_it(tmp_path: Path) -> None:
@@ -187,7 +231,7 @@ def test_the_command_proves_what_is_asked_for(tmp_path, monkeypatch, capsys) -> 
 
 
 def test_the_page_has_every_property() -> None:
-    page = tables.inside(proofs.PAGE.read_text(encoding="utf-8"), *proofs.MARKS)
+    page = inside(proofs.PAGE.read_text(encoding="utf-8"), *proofs.MARKS)
     rows = [row for row in page.splitlines() if row.startswith("| `")]
     said = [one.says for _, one in PROPERTIES] + [check.says for check in ranges.CHECKS]
     assert [row.split(" | ")[1] for row in rows] == said

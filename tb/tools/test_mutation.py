@@ -6,7 +6,8 @@ sources and benches that change; lists with mistakes.
 Checks: every kind of mutant; the same ones each time; comments, texts, assertions and generics as
 they were; a weak bench leaves survivors, a good one none; what is killed by time, and what does not
 compile; a proof of equality, and none where there is a difference; a run goes on where it stopped;
-results that are void are run again, and no other's; the page has what is kept.
+results that are void are run again, and no other's; the page has what is kept; the packages of
+another converter are changed, and its benches asked.
 Faults: the weak bench is the good one without a part.
 Does not prove: that the kinds of mutants are those of real mistakes.
 """
@@ -20,6 +21,7 @@ import shutil
 import types
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -27,7 +29,7 @@ import pytest
 from scripts.__main__ import main
 from scripts.hdl import equivalence, sources
 from scripts.hdl.mutants import KINDS, Mutant, code, mutants, shuffled
-from scripts.measure import bench_server, mutation
+from scripts.measure import bench_server, mutation, proofs
 from scripts.measure.mutation import Unit
 from scripts.publish import entity_pages
 from scripts.shared import tables, tools
@@ -231,6 +233,36 @@ def test_netlists_are_compared_with_each_option_and_without_it() -> None:
                 assert given == {False, True}, f"{unit.name}: {generic.name} is always {given}"
                 seen += 1
     assert seen >= 20
+
+
+RAILS = "constant RAIL_GATES"
+
+
+def test_proofs_of_the_list_are_there() -> None:
+    known = {f"{proof.entity}-{name}" for proof in proofs.listed() for name in proof.configurations}
+    graphs = proofs.of_converter("fc3l", proofs.listed())
+    known |= {f"fc3l-{proof.entity}-{name}" for proof in graphs for name in proof.configurations}
+    units = [*mutation.listed(), *mutation.of_converter("fc3l", mutation.listed())]
+    named = [test for unit in units for test in (*unit.tests, *unit.above) if "_holds[" in test]
+    assert len(named) >= 20
+    assert {test.partition("[")[2].rstrip("]") for test in named} <= known
+
+
+def test_a_unit_has_the_packages_of_a_converter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (unit,) = mutation.of_converter("npc3l", mutation.listed())
+    graph, *_ = unit.tests
+    monkeypatch.setattr(
+        mutation, "mutants",
+        lambda text: [m for m in mutants(text) if m.after.startswith(("(0, 2, 2, 2)", RAILS))],
+    )  # fmt: skip
+    # what is proven of the candidates says nothing of the gates
+    with mutation.workshop() as place:
+        unit = replace(unit, tests=(graph,))
+        found = mutation.mutate(unit, place, 9, tmp_path, place.root)["mutants"]
+    told = {(row["before"].startswith(RAILS), row["outcome"]) for row in found}
+    assert told == {(False, "killed"), (True, "survived")}
 
 
 def test_arguments_are_about_mutants_that_there_are() -> None:
