@@ -293,7 +293,7 @@ def build(
     return {
         "board": board.name,
         "controller": controller,
-        "explorers": explorers if controller == "mpdcc" else 0,
+        "explorers": board.generics(controller, explorers).get("EXPLORERS", 0),
         "recorder": board.recorder,
         "converter": board.converter,
         "part": board.part,
