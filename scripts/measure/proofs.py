@@ -66,7 +66,7 @@ DEPTH = 1
 #: Clocks within which a fault has to break its property.
 FAULT_DEPTH = 4
 #: Seconds that the solver may take for one question; the slowest takes a quarter of it.
-TIMEOUT = 120
+TIMEOUT = 240
 MARKS = ("<!-- proofs: begin -->", "<!-- proofs: end -->")
 
 

@@ -48,6 +48,23 @@ OTHERS = [
     (name, proof) for name in tables.NAMES if name != tables.DEFAULT
     for proof in proofs.of_converter(name, LISTED)
 ]  # fmt: skip
+#: What breaks a leg that stops at once, where the fault of the list is none in it. That positions
+#: of the two-level one follow edges nothing breaks: any follows any.
+AT_ONCE = {
+    "a_stop_ends_in_time": (
+        "at_rail(TABLED_LEG, driven) or (aged and not dark);", "aged and not dark;"
+    ),
+    "order_of_a_stop": ("lowered <= stop_of(TABLED_LEG, driven);", "lowered <= not driven;"),
+    "order_of_a_start": (
+        "driven xor first when",
+        'driven xor first xor action_of(TABLED_LEG, target, accepted, "001") when',
+    ),
+}  # fmt: skip
+FAULTS = [
+    (name, proof, one)
+    for name, proof in OTHERS for one in proof.properties
+    if (name, one.name) != ("two_level", "positions_follow_edges")
+]  # fmt: skip
 GRAPHS = [
     (name, proof, configuration)
     for name, proof in OTHERS if proof.entity != "gate_guard"
@@ -114,14 +131,16 @@ def test_a_graph_holds(name: str, proof: proofs.Proof, configuration: str) -> No
 
 @pytest.mark.parametrize(
     ("name", "proof", "one"),
-    [(name, proof, one) for name, proof in OTHERS for one in proof.properties],
-    ids=[f"{name}-{p.entity}-{one.name}" for name, p in OTHERS for one in p.properties],
-)
+    FAULTS, ids=[f"{name}-{proof.entity}-{one.name}" for name, proof, one in FAULTS],
+)  # fmt: skip
 def test_a_fault_is_noticed_in_each_converter(
     name: str, proof: proofs.Proof, one: proofs.Property, tmp_path: Path
 ) -> None:
+    text, fault = one.fault.text, one.fault.fault
+    if tables.leg_of(name).stop_steps == 1:
+        text, fault = AT_ONCE.get(one.name, (text, fault))
     design = converter_package.rtl_of(name)
-    rtl = altered(tmp_path, one.fault.unit, one.fault.text, one.fault.fault, design=design)
+    rtl = altered(tmp_path, one.fault.unit, text, fault, design=design)
     assert proofs.notices(proof, one, rtl)
 
 
