@@ -119,6 +119,8 @@ architecture rtl of gate_guard is
   signal any_refused : std_logic;
   signal stop     : std_logic;
   signal first_stop : std_logic;
+  signal admit      : std_logic;
+  signal first_admit : std_logic;
   signal first_kill : std_logic;
   signal checked  : std_logic;
   signal forget   : std_logic;
@@ -220,6 +222,7 @@ begin
       decision_limit => decision_limit,
       watchdog       => watchdog,
       stop           => first_stop,
+      admit          => first_admit,
       kill           => first_kill,
       forget         => forget,
       dead_now       => dead_now,
@@ -237,6 +240,7 @@ begin
     signal runs    : std_logic;
     signal lives   : std_logic;
     signal second_stop   : std_logic;
+    signal second_admit  : std_logic;
     signal second_kill   : std_logic;
     signal second_faults : std_logic_vector(FAULT_COUNT - 1 downto 0);
     signal disagree      : std_logic; -- the two differed a clock ago
@@ -276,6 +280,7 @@ begin
         decision_limit => decision_limit,
         watchdog       => watchdog,
         stop           => second_stop,
+        admit          => second_admit,
         kill           => second_kill,
         forget         => forgets,
         dead_now       => dead,
@@ -287,6 +292,7 @@ begin
 
     bands(4) <= upset or disagree;
     stop     <= first_stop or second_stop;
+    admit    <= first_admit and second_admit;
     kill     <= first_kill or second_kill;
     faults   <= latched or second_faults;
 
@@ -294,7 +300,8 @@ begin
     begin
 
       if rising_edge(clk) then
-        disagree <= to_std_logic(first_stop /= second_stop or first_kill /= second_kill or forget /= forgets
+        disagree <= to_std_logic(first_stop /= second_stop or first_admit /= second_admit
+                                 or first_kill /= second_kill or forget /= forgets
                                  or dead_now /= dead or rest_now /= rest or active /= runs or is_live /= lives
                                  or latched /= second_faults);
 
@@ -310,6 +317,7 @@ begin
   g_alone : if not SECOND_SUPERVISOR generate
     bands(4) <= upset;
     stop     <= first_stop;
+    admit    <= first_admit;
     kill     <= first_kill;
     faults   <= latched;
   end generate g_alone;
@@ -323,6 +331,7 @@ begin
       port map (
         clk       => clk,
         stop      => stop,
+        admit     => admit,
         kill      => kill,
         decided   => decided,
         goal      => std_logic_vector(goals(x)),

@@ -6,7 +6,8 @@
 -- After the last action the leg rests for rest_time clocks, so that every gate stays on or off for
 -- that long.  A goal that comes meanwhile waits; blocked says that a further one would be lost.
 --
--- stop overrides everything, minimum on time or not; a goal of that clock is forgotten.  Gates go off in the steps of
+-- stop overrides everything, minimum on time or not; a goal of that clock is forgotten, unless admit is up: the leg
+-- takes it and starts.  Gates go off in the steps of
 -- gate_tables, dead_time clocks apart: those at the rails, and all of a half bridge, after the same edge.
 -- With no gate at a rail on, the first step waits until no gate has changed for dead_time clocks.  All gates are off
 -- after 3 dead_time + 1 clocks at most.  kill turns all gates off after the same edge, which only a leg whose state
@@ -42,6 +43,7 @@ entity gate_leg is
   port (
     clk       : in    std_logic;                                               -- rising edge
     stop      : in    std_logic; -- '1': all gates off, step by step, and forget
+    admit     : in    std_logic; -- '1': the goal of this clock counts, stop or not; with decided only, and while off
     kill      : in    std_logic; -- '1': all gates off after this edge; with stop only
     decided   : in    std_logic;                                               -- '1' for one clock: goal is new
     goal      : in    std_logic_vector(2 downto 0); -- position of the next clock's decided, 0 to 7 or bit 0
@@ -257,7 +259,7 @@ begin
         end if;
       end if;
 
-      if (stop = '1') then
+      if (stop = '1' and admit = '0') then
         live    <= '0';
         waiting <= '0';
       end if;

@@ -19,7 +19,7 @@
 -- Formats: times in clocks. Dead time below LEAST_DEAD_TIME is raised to it. dead_time, minimum_on and
 -- minimum_off are read while off and with all gates off only, or after an upset, decision_limit at start, watchdog at
 -- each decision.
--- Latency: stop, kill and forget are combinational; faults one clock.
+-- Latency: stop, admit, kill and forget are combinational; faults one clock.
 -- Overflow: none; counters stop at their ends.
 -- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
@@ -57,6 +57,7 @@ entity gate_supervisor is
     decision_limit : in    std_logic_vector(LIMIT_WIDTH - 1 downto 0);  -- unsigned, clocks
     watchdog       : in    std_logic_vector(LIMIT_WIDTH - 1 downto 0);  -- unsigned, clocks
     stop           : out   std_logic;                                   -- '1': legs go off, step by step
+    admit          : out   std_logic;                                   -- '1': but start: this decision is the first
     kill           : out   std_logic;                                   -- '1': legs are off after this edge
     forget         : out   std_logic;                                   -- '1': comparisons under way do not count
     dead_now       : out   std_logic_vector(TIME_WIDTH - 1 downto 0);   -- dead time in force, clocks
@@ -305,9 +306,11 @@ begin
 
   end process p_state;
 
-  -- legs stay stopped until the first decision that counts
+  -- Legs stay stopped in the clock of the first decision that counts, too: it comes late, and many registers of a leg
+  -- depend on stop.
   begun       <= decided and compared and not renew;
-  stop        <= halt or not (active or (armed and begun));
+  stop        <= halt or not active;
+  admit       <= armed and begun and not halt;
   kill        <= rst or refused;
   dead_now    <= std_logic_vector(dead);
   rest_now    <= std_logic_vector(rest);

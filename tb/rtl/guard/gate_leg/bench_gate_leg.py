@@ -98,7 +98,13 @@ class Bench:
         self.dut.dead_time.value, self.dut.rest_time.value = dead, rest
 
     async def step(
-        self, coming: int, *, decided: bool = False, stop: bool = False, kill: bool = False
+        self,
+        coming: int,
+        *,
+        decided: bool = False,
+        stop: bool = False,
+        admit: bool = False,
+        kill: bool = False,
     ) -> None:
         """One clock: all outputs before its edge, which the reference then passes too.
 
@@ -109,7 +115,7 @@ class Bench:
         # of a two-level leg two bits of three do not count
         port = coming if self.tabled_leg else coming | (self.now & 3) << 1
         dut.goal.value, dut.decided.value = port, int(decided)
-        dut.stop.value, dut.kill.value = int(stop), int(kill)
+        dut.stop.value, dut.admit.value, dut.kill.value = int(stop), int(admit), int(kill)
         await self.clock.settle()
         if self.now > 1:
             context = f"clock {self.now}, goal {goal}, {leg}"
@@ -142,9 +148,11 @@ class Bench:
             leg.clock(self.now, self.dead, self.rest)
         if decided and isinstance(leg, Unguarded):
             leg.first = first
-        if decided and not stop:
+        taken = decided and (admit or not stop)
+        board.cover("admitted", int(admit))
+        if taken:
             leg.goal = goal
-        if decided and not stop and (leg.alive or not was_on):
+        if taken and (leg.alive or not was_on):
             if not leg.alive:
                 leg.alive, leg.starts_at, leg.settled = True, self.now + 1, goal
         elif leg.settled != before:
@@ -160,6 +168,9 @@ class Bench:
             decided = rng.random() < (0.03 if refused else 0.2)
             stop = n < 2 or rng.random() < 0.02 or (decided and refused)
             kill = n < 2 or (stop and rng.random() < 0.1)
+            # as gate_supervisor starts a leg: stop is still up
+            admit = decided and not stop and not leg.alive and not leg.on and rng.random() < 0.7
+            stop |= admit
             coming, kept = rng.randrange(positions), self.goal if decided else leg.goal
             if rng.random() < 0.6:
                 near = following(self.tabled_leg, kept)
@@ -167,7 +178,7 @@ class Bench:
             if not leg.alive and not leg.on and not decided:
                 dead, rest = rng.randrange(1, 5), rng.randrange(1, 7)
                 self.times(*rng.choice([(dead, rest), (dead, rest), (dead, 40), (40, rest)]))
-            await self.step(coming, decided=decided, stop=stop, kill=kill)
+            await self.step(coming, decided=decided, stop=stop, admit=admit, kill=kill)
 
     async def stray(self, rng: random.Random, clocks: int) -> None:
         """Goals that are no edges: gates and position part, and the interlock is what is left."""
@@ -195,7 +206,7 @@ class Bench:
         await self.live(rng, rng.randrange(10, 60))
         pairs = REFUSED if self.tabled_leg else REFUSED[:1]
         gates = [g for g in range(1, size + 1) if any(p <= self.leg.on ^ {g} for p in pairs)]
-        dut.decided.value = dut.stop.value = dut.kill.value = 0
+        dut.decided.value = dut.stop.value = dut.admit.value = dut.kill.value = 0
         await self.clock.settle()
         if not gates or number(dut.change):
             return False
@@ -244,6 +255,6 @@ async def every_clock(dut) -> None:
     bench.board.finish(
         {"gates": 3 * given["clocks"] - 1},
         dict.fromkeys([*looked, *moved, *refused], 1)
-        | {"stopped in a move": 10, "refused": 50}
+        | {"stopped in a move": 10, "refused": 50, "admitted": 20}
         | {"killed": 3, "decided too early": 3 * tabled_leg},
     )

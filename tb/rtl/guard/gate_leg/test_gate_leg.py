@@ -102,6 +102,7 @@ FAULTS = [
     ),
     Fault(NAME, "legal   <= follows or not live;", "legal <= follows;", "legal"),
     Fault(NAME, "live    <= '0';", "null;", "(gates|legal|resting)"),
+    Fault(NAME, "if (stop = '1' and admit = '0') then", "if (stop = '1') then", "(gates|legal)"),
     Fault(NAME, "position <= target;", "position <= accepted;", "position"),
     Fault(NAME, "unsigned(rest_time) - 1)", "unsigned(rest_time) - 2)", "(resting|gates|waits)"),
 ]

@@ -50,10 +50,11 @@ class Supervisor:
 
     def outputs(self, i: Mapping[str, int]) -> dict[str, int]:
         """Outputs before the edge, by name."""
-        halted = i["rst"] or not self.wanted(i) or self.causes(i) or self.state == "off"
+        halted = i["rst"] or not self.wanted(i) or self.causes(i)
         begins = i["decided"] and self.compared and not i["renew"]
         return {
-            "stop": int(bool(halted or (self.state == "armed" and not begins))),
+            "stop": int(bool(halted or self.state != "active")),
+            "admit": int(bool(not halted and self.state == "armed" and begins)),
             "kill": int(i["rst"] or i["refused"]),
             "forget": int(bool(i["renew"] or not self.wanted(i))),
             "dead_now": self.dead,
@@ -65,14 +66,14 @@ class Supervisor:
     def edge(self, i: Mapping[str, int]) -> None:
         """One clock."""
         wanted, causes, was = self.wanted(i), self.causes(i), self.state
-        stop = self.outputs(i)["stop"]
+        admit = self.outputs(i)["admit"]
         self.now += 1
         off_for = min(self.now - self.off_since - 1, TIME_HIGH)
         quiet = was == "off" and i["dark"]
         rested = wanted and quiet and off_for >= max(self.dead, self.rest)
         if was == "off":
             self.state = "armed" if rested and not causes else "off"
-        elif not stop:
+        elif admit:
             self.state = "active"
         elif i["rst"] or not wanted or causes:
             self.state = "off"

@@ -45,8 +45,8 @@ FAULTS = [
     ),
     Fault(NAME, "expected and not decided and late", "expected and late", "(stop|faults)"),
     Fault(NAME, "fed <= decided or", "fed <=", "(stop|faults)"),
-    Fault(NAME, "decided and compared and not renew;", "decided and compared;", "(stop|running)"),
-    Fault(NAME, "if (off_for /= (off_for'range => '1')) then", "if (true) then", "(stop|running)"),
+    Fault(NAME, "decided and compared and not renew;", "decided and compared;", "(admit|running)"),
+    Fault(NAME, "if (off_for /= (off_for'range => '1')) then", "if (true) then", "(admit|running)"),
     Fault(NAME, "primed <= '0';\n      elsif", "null;\n      elsif", "(stop|forget)"),
 ]
 
