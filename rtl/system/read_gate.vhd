@@ -1,6 +1,7 @@
 -- Lets AXI4-Lite reads through one at a time, and keeps their data until the master takes it.
 --
 -- The registers get rid of their data at once. So a master that does not take it, rready low, keeps no write waiting.
+-- The recorder keeps its own data until it has been taken. It is added behind the register, where that costs least.
 --
 -- Formats: AXI4-Lite.
 -- Latency: an address passes in its clock, data comes a clock later than the registers have it. A read every second
@@ -29,7 +30,10 @@ entity read_gate is
     s_rready  : out   std_logic;                     -- '1': data taken
     s_rvalid  : in    std_logic;                     -- '1': data there
     s_rdata   : in    std_logic_vector(31 downto 0); -- data
-    s_rresp   : in    std_logic_vector(1 downto 0)   -- "00": okay, "10": SLVERR
+    s_rresp   : in    std_logic_vector(1 downto 0);  -- "00": okay, "10": SLVERR
+    -- data that stands until it is taken, and need not be kept here
+    s_stands  : in    std_logic;                     -- '1': the answer that is there has its data in standing
+    standing  : in    std_logic_vector(31 downto 0)  -- data; zero unless it is an answer's
   );
 end entity read_gate;
 
@@ -56,16 +60,20 @@ begin
   s_rready  <= not r.there;
 
   m_rvalid <= r.there;
-  m_rdata  <= data;
+  m_rdata  <= data or standing;
   m_rresp  <= resp;
 
   p_gate : process (clk) is
   begin
 
     if rising_edge(clk) then
-      if (r.there = '0') then
+      if (r.there = '0' and s_rvalid = '1') then
         data <= s_rdata;
         resp <= s_rresp;
+
+        if (s_stands = '1') then
+          data <= (others => '0');
+        end if;
       end if;
 
       if (r.under_way = '0') then

@@ -10,13 +10,14 @@
 -- out, but never that of the trigger. Triggers look at every step.
 --
 -- The bus goes through it. An access to an address of its own is answered here, any other passes in its clock, both
--- ways. The host reads with the RAM's second port: neither waits for the other. It reads a row that it has named.
+-- ways; its own data goes past the gate of the reads (read_gate), which adds it. The host reads with the RAM's
+-- second port: neither waits for the other. It reads a row that it has named.
 --
 -- Formats: as recorder_format and docs/recorder.md; addresses in bytes.
 -- Latency: a record is whole RESULTS + 1 clocks after decided. A read's data comes two clocks after its address, a
 -- write's response one.
 -- Overflow: the oldest record is written over. The row of the next one is that under way, so one less than all can be
--- read. A step of which decided comes less than INPUTS + RESULTS + 4 clocks after begins may be left out.
+-- read. A step of which decided comes less than INPUTS + RESULTS + 5 clocks after begins may be left out.
 -- Considered and rejected: rtl/alternatives.md.
 -- Licence: Apache-2.0
 
@@ -60,7 +61,8 @@ entity recorder is
     m_arready : out   std_logic;                     -- '1': address taken
     m_rready  : in    std_logic;                     -- '1': data taken
     m_rvalid  : out   std_logic;                     -- '1': data there
-    m_rdata   : out   std_logic_vector(31 downto 0); -- data
+    own_data  : out   std_logic;                     -- '1': the answer that is there has its data in m_rdata
+    m_rdata   : out   std_logic_vector(31 downto 0); -- data of its own, until taken; zero otherwise
     m_rresp   : out   std_logic_vector(1 downto 0);  -- "00": okay, "10": SLVERR
     -- to the other registers
     s_awvalid : out   std_logic;                     -- '1': address there
@@ -74,7 +76,6 @@ entity recorder is
     s_arready : in    std_logic;                     -- '1': address taken
     s_rready  : out   std_logic;                     -- '1': data taken
     s_rvalid  : in    std_logic;                     -- '1': data there
-    s_rdata   : in    std_logic_vector(31 downto 0); -- data
     s_rresp   : in    std_logic_vector(1 downto 0)   -- "00": okay, "10": SLVERR
   );
 end entity recorder;
@@ -82,13 +83,15 @@ end entity recorder;
 architecture rtl of recorder is
 
   constant PLACE_BITS : positive := 4;
-  constant SETTLES    : positive := 3; -- clocks from the last word's fetch until it has been compared
+  constant SETTLES    : positive := 4; -- clocks from the last word's fetch until it has been compared
 
   subtype word_t is std_logic_vector(31 downto 0);
 
   subtype row_t is unsigned(ROWS_LOG2 - 1 downto 0);
 
-  subtype place_t is unsigned(PLACE_BITS - 1 downto 0);
+  subtype place_t is std_logic_vector(PLACE_BITS - 1 downto 0);
+
+  subtype places_t is std_logic_vector(RESULTS_AT + RESULTS + SETTLES - 1 downto 0);
 
   subtype half_t is std_logic_vector(15 downto 0);
 
@@ -97,7 +100,7 @@ architecture rtl of recorder is
 
   type state_t is record
     phase     : phase_t;
-    place     : place_t;   -- word that is fetched
+    place     : places_t;  -- '0' where a word is fetched; behind the words: clocks until all has settled
     due       : std_logic; -- a decision has begun, its inputs have not been fetched
     fetched   : std_logic; -- a word of the record is on its way
     stores    : std_logic; -- word is to be stored
@@ -123,7 +126,7 @@ architecture rtl of recorder is
 
   constant STATE_INIT : state_t := (
     phase     => PHASE_REST,
-    place     => (others => '0'),
+    place     => (others => '1'),
     due       => '0',
     fetched   => '0',
     stores    => '0',
@@ -155,6 +158,7 @@ architecture rtl of recorder is
     looks    : std_logic; -- a read has been taken
     there    : std_logic; -- its word has been fetched
     answered : std_logic; -- its data is there
+    shows    : std_logic; -- what is read stands, or is about to
     refused  : std_logic; -- it was none that is allowed
     settings : std_logic_vector(SETTINGS_CHANNEL + 4 downto 0);
   end record bus_t;
@@ -167,6 +171,7 @@ architecture rtl of recorder is
     looks    => '0',
     there    => '0',
     answered => '0',
+    shows    => '0',
     refused  => '0',
     settings => (SETTINGS_FAULT => '1', others => '0')
   );
@@ -185,12 +190,14 @@ architecture rtl of recorder is
   signal word       : word_t;               -- of the record
   signal fetched_at : place_t;              -- which will be in word
   signal word_at    : place_t;              -- which is
-  signal half       : half_t;               -- of the word before, sign turned over
+  signal half       : half_t;               -- that is compared, sign turned over
   signal level      : half_t;               -- likewise
-  signal chosen     : std_logic;            -- it is the channel
-  signal compared   : std_logic;            -- above and same are of the channel
-  signal above      : std_logic;
-  signal same       : std_logic;
+  signal met        : std_logic;            -- the word is the channel's
+  signal chosen     : std_logic;            -- half has come
+  signal counted    : std_logic;            -- a clock later
+  signal compared   : std_logic;            -- another one: above and higher are of the channel
+  signal higher     : std_logic;            -- half is above the level, or in the clock before not below
+  signal above      : std_logic;            -- it is not below
   signal stores     : std_logic;
   signal store_at   : std_logic_vector(ROWS_LOG2 + PLACE_BITS - 1 downto 0);
   signal fetch_at   : std_logic_vector(ROWS_LOG2 + PLACE_BITS - 1 downto 0);
@@ -222,7 +229,7 @@ begin
         if rising_edge(clk) then
           words(i) <= step_words(32 * i + 31 downto 32 * i);
 
-          if (r.place /= i) then
+          if (r.place(i) = '1') then
             words(i) <= (others => '0');
           end if;
         end if;
@@ -240,26 +247,36 @@ begin
   p_word : process (clk) is
 
     variable any : word_t;
+    variable at  : place_t;
 
   begin
 
     if rising_edge(clk) then
       any := (others => '0');
+      at  := (others => '0');
 
       for i in words'range loop
         any := any or words(i);
       end loop;
 
+      for i in 0 to RESULTS_AT + RESULTS - 1 loop
+        if (r.place(i) = '0') then
+          at := at or std_logic_vector(to_unsigned(i, PLACE_BITS));
+        end if;
+      end loop;
+
       word       <= any;
-      fetched_at <= r.place;
+      fetched_at <= at;
       word_at    <= fetched_at;
     end if;
 
   end process p_word;
 
   ---------------------------------------------------------------------------------------------
-  -- Level: a clock for the half, a clock for the comparison
+  -- Level: a clock for the half, one to see whether it is not below the level, one whether it is above
   ---------------------------------------------------------------------------------------------
+
+  met <= r.stores and to_std_logic(word_at = b.settings(SETTINGS_CHANNEL + 4 downto SETTINGS_CHANNEL + 1));
 
   p_level : process (clk) is
 
@@ -270,18 +287,20 @@ begin
     if rising_edge(clk) then
       turn := not b.settings(SETTINGS_NO_SIGN);
 
-      if (b.settings(SETTINGS_CHANNEL) = '1') then
-        half <= (word(31) xor turn) & word(30 downto 16);
-      else
+      if (met = '1') then
         half <= (word(15) xor turn) & word(14 downto 0);
+
+        if (b.settings(SETTINGS_CHANNEL) = '1') then
+          half <= (word(31) xor turn) & word(30 downto 16);
+        end if;
       end if;
 
       level    <= (value(15) xor turn) & value(14 downto 0);
-      chosen   <= r.stores and to_std_logic(std_logic_vector(word_at)
-                                            = b.settings(SETTINGS_CHANNEL + 4 downto SETTINGS_CHANNEL + 1));
-      compared <= chosen;
-      above    <= to_std_logic(unsigned(half) >= unsigned(level));
-      same     <= to_std_logic(half = level);
+      higher   <= to_std_logic(unsigned(half & chosen) >= unsigned(level & '1'));
+      above    <= higher;
+      chosen   <= met;
+      counted  <= chosen;
+      compared <= counted;
     end if;
 
   end process p_level;
@@ -312,11 +331,11 @@ begin
         when PHASE_INPUTS =>
           if (b.looks = '0') then
             v.fetched := '1';
-            v.place   := r.place + 1;
+            v.place   := r.place(r.place'high - 1 downto 0) & '1';
 
-            if (r.place = INPUTS - 1) then
+            if (r.place(INPUTS - 1) = '0') then
               v.phase := PHASE_WAIT;
-              v.place := to_unsigned(RESULTS_AT, PLACE_BITS);
+              v.place := (others => '1');
             end if;
           end if;
 
@@ -326,15 +345,16 @@ begin
 
         when PHASE_WAIT =>
           if (decided = '1') then
-            v.phase := PHASE_RESULTS;
+            v.phase             := PHASE_RESULTS;
+            v.place(RESULTS_AT) := '0';
           end if;
 
         when PHASE_RESULTS =>
           if (b.looks = '0') then
-            v.fetched := to_std_logic(r.place < RESULTS_AT + RESULTS);
-            v.place   := r.place + 1;
+            v.fetched := to_std_logic(r.place(RESULTS_AT + RESULTS - 1 downto RESULTS_AT) /= (1 to RESULTS => '1'));
+            v.place   := r.place(r.place'high - 1 downto 0) & '1';
 
-            if (r.place = RESULTS_AT + RESULTS + SETTLES - 1) then
+            if (r.place(r.place'high) = '0') then
               v.ends  := '1';
               v.phase := PHASE_REST;
             end if;
@@ -343,9 +363,10 @@ begin
       end case;
 
       if (v.due = '1' and r.phase /= PHASE_RESULTS and not (r.phase = PHASE_WAIT and decided = '1')) then
-        v.phase := PHASE_INPUTS;
-        v.place := (others => '0');
-        v.due   := '0';
+        v.phase    := PHASE_INPUTS;
+        v.place    := (others => '1');
+        v.place(0) := '0';
+        v.due      := '0';
       end if;
 
       if (compared = '1') then
@@ -357,7 +378,7 @@ begin
       now(CAUSE_FAULT)     := tripped and not r.tripped and b.settings(SETTINGS_FAULT);
       now(CAUSE_DEADLOCK)  := r.ends and deadlock and b.settings(SETTINGS_DEADLOCK);
       now(CAUSE_SATURATED) := r.ends and saturated and b.settings(SETTINGS_SATURATED);
-      now(CAUSE_LEVEL)     := compared and ((b.settings(SETTINGS_EQUAL) and same)
+      now(CAUSE_LEVEL)     := compared and ((b.settings(SETTINGS_EQUAL) and above and not higher)
                                             or (r.known and not r.above and above and b.settings(SETTINGS_RISING))
                                             or (r.known and r.above and not above and b.settings(SETTINGS_FALLING)));
       now(CAUSE_MANUAL)    := b.trigger;
@@ -422,7 +443,7 @@ begin
   end process p_record;
 
   stores   <= r.stores;
-  store_at <= std_logic_vector(r.row & word_at);
+  store_at <= std_logic_vector(r.row) & word_at;
   fetch_at <= std_logic_vector(read_row) & looked_at(5 downto 2);
   rests    <= not stores;
 
@@ -453,22 +474,22 @@ begin
   s_awvalid <= m_awvalid and not own_write;
   s_wvalid  <= m_wvalid and not own_write;
   s_bready  <= m_bready and not b.written;
-  m_awready <= (s_awready and not own_write) or (own_write and not b.written);
-  m_wready  <= (s_wready and not own_write) or (own_write and not b.written);
+  m_awready <= s_awready or own_write;
+  m_wready  <= s_wready or own_write;
   m_bvalid  <= s_bvalid or b.written;
   m_bresp   <= s_bresp when b.written = '0' else
                b.wrong & "0";
 
   s_arvalid <= m_arvalid and not own_read;
   s_rready  <= m_rready and not b.answered;
-  m_arready <= (s_arready and not own_read) or (own_read and not (b.looks or b.there));
+  m_arready <= s_arready or own_read;
   m_rvalid  <= s_rvalid or b.answered;
   m_rresp   <= s_rresp when b.answered = '0' else
                b.refused & "0";
-  m_rdata   <= (s_rdata and (31 downto 0 => not b.answered)) or shown_record or shown_status or shown_settings
-               or shown_compare;
+  own_data  <= b.answered;
+  m_rdata   <= shown_record or shown_status or shown_settings or shown_compare;
 
-  fetches <= m_arvalid and own_read and not (b.looks or b.there);
+  fetches <= m_arvalid and own_read;
 
   p_status : process (r) is
   begin
@@ -497,24 +518,26 @@ begin
   begin
 
     if rising_edge(clk) then
-      shown_record   <= fetched;
-      shown_status   <= status;
-      shown_settings <= settings;
-      shown_compare  <= (31 downto 24 => '0') & std_logic_vector(decimation) & value;
+      if (b.there = '1') then
+        shown_record   <= fetched;
+        shown_status   <= status;
+        shown_settings <= settings;
+        shown_compare  <= std_logic_vector(decimation) & x"00" & value;
+      end if;
 
-      if (b.there = '0' or looked_at(6) = '0') then
+      if (b.shows = '0' or looked_at(6) = '0') then
         shown_record <= (others => '0');
       end if;
 
-      if (b.there = '0' or looked_at(6) = '1' or looked_at(3 downto 2) /= RECORDER_STATUS(3 downto 2)) then
+      if (b.shows = '0' or looked_at(6) = '1' or looked_at(3 downto 2) /= RECORDER_STATUS(3 downto 2)) then
         shown_status <= (others => '0');
       end if;
 
-      if (b.there = '0' or looked_at(6) = '1' or looked_at(3 downto 2) /= RECORDER_SETTINGS(3 downto 2)) then
+      if (b.shows = '0' or looked_at(6) = '1' or looked_at(3 downto 2) /= RECORDER_SETTINGS(3 downto 2)) then
         shown_settings <= (others => '0');
       end if;
 
-      if (b.there = '0' or looked_at(6) = '1' or looked_at(3 downto 2) /= RECORDER_COMPARE(3 downto 2)) then
+      if (b.shows = '0' or looked_at(6) = '1' or looked_at(3 downto 2) /= RECORDER_COMPARE(3 downto 2)) then
         shown_compare <= (others => '0');
       end if;
     end if;
@@ -533,7 +556,7 @@ begin
       v.arm     := '0';
       v.trigger := '0';
       v.looks   := '0';
-      taken     := m_awvalid and m_wvalid and own_write and not b.written;
+      taken     := m_awvalid and own_write;
 
       if (b.written = '1') then
         v.written := not m_bready;
@@ -576,6 +599,7 @@ begin
       v.there    := b.looks and rests;
       v.looks    := v.looks or (b.looks and not rests);
       v.answered := b.there;
+      v.shows    := v.there or b.there or b.answered or (b.shows and not m_rready);
 
       if (rst = '1') then
         v          := BUS_INIT;

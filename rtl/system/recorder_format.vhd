@@ -107,12 +107,12 @@ package recorder_format is
   constant RECORDER_RECORD : std_logic_vector(6 downto 2) := "10000";
 
   -- lowest bits of their fields
-  constant STATUS_RECORDING : natural := 0;
-  constant STATUS_TRIGGERED : natural := 1;
-  constant STATUS_FULL : natural := 2;
-  constant STATUS_CAUSE : natural := 8;
+  constant STATUS_ROWS_LOG2 : natural := 4;
+  constant STATUS_RECORDING : natural := 13;
+  constant STATUS_TRIGGERED : natural := 14;
+  constant STATUS_FULL : natural := 15;
   constant STATUS_NEXT_ROW : natural := 16;
-  constant STATUS_ROWS_LOG2 : natural := 28;
+  constant STATUS_CAUSE : natural := 26;
   constant SETTINGS_FAULT : natural := 0;
   constant SETTINGS_DEADLOCK : natural := 1;
   constant SETTINGS_SATURATED : natural := 2;
@@ -123,7 +123,7 @@ package recorder_format is
   constant SETTINGS_CHANNEL : natural := 8;
   constant SETTINGS_AFTER : natural := 16;
   constant COMPARE_VALUE : natural := 0;
-  constant COMPARE_DECIMATION : natural := 16;
+  constant COMPARE_DECIMATION : natural := 24;
   constant COMMAND_ARM : natural := 0;
   constant COMMAND_TRIGGER : natural := 1;
   constant ROW_ROW : natural := 0;

@@ -166,8 +166,9 @@ architecture rtl of system_shell is
   signal heard_arready : std_logic;
   signal heard_rready  : std_logic;
   signal heard_rvalid  : std_logic;
-  signal heard_rdata   : std_logic_vector(31 downto 0);
   signal heard_rresp   : std_logic_vector(1 downto 0);
+  signal recorded      : std_logic;                     -- the answer to a read is the recorder's
+  signal recorded_data : std_logic_vector(31 downto 0); -- its data
   signal hold         : std_logic;             -- a write waits
   signal refuse       : std_logic;             -- a write is refused
   signal passed       : std_logic;             -- a write goes to the registers
@@ -285,8 +286,10 @@ begin
       s_arready => heard_arready,
       s_rready  => heard_rready,
       s_rvalid  => heard_rvalid,
-      s_rdata   => heard_rdata,
-      s_rresp   => heard_rresp
+      s_rdata   => s_rdata,
+      s_rresp   => heard_rresp,
+      s_stands  => recorded,
+      standing  => recorded_data
     );
 
   ---------------------------------------------------------------------------------------------
@@ -345,7 +348,8 @@ begin
         m_arready  => heard_arready,
         m_rready   => heard_rready,
         m_rvalid   => heard_rvalid,
-        m_rdata    => heard_rdata,
+        own_data   => recorded,
+        m_rdata    => recorded_data,
         m_rresp    => heard_rresp,
         s_awvalid  => s_awvalid,
         s_awready  => s_awready,
@@ -358,7 +362,6 @@ begin
         s_arready  => s_arready,
         s_rready   => s_rready,
         s_rvalid   => s_rvalid,
-        s_rdata    => s_rdata,
         s_rresp    => s_rresp
       );
 
@@ -376,7 +379,8 @@ begin
     heard_arready <= s_arready;
     s_rready      <= heard_rready;
     heard_rvalid  <= s_rvalid;
-    heard_rdata   <= s_rdata;
+    recorded      <= '0';
+    recorded_data <= (others => '0');
     heard_rresp   <= s_rresp;
   end generate g_no_recorder;
 

@@ -28,7 +28,8 @@ class ReadGate:
             "m_rvalid": int(self.kept is not None),
         }
         if self.kept is not None:
-            found["m_rdata"], found["m_rresp"] = self.kept
+            found["m_rdata"] = self.kept[0] | given["standing"]
+            found["m_rresp"] = self.kept[1]
         return found
 
     def edge(self, given: Mapping[str, int]) -> None:
@@ -36,7 +37,8 @@ class ReadGate:
         if not self.under_way:
             self.under_way = given["m_arvalid"] & given["s_arready"]
         elif self.kept is None:
-            self.kept = (given["s_rdata"], given["s_rresp"]) if given["s_rvalid"] else None
+            data = 0 if given["s_stands"] else given["s_rdata"]
+            self.kept = (data, given["s_rresp"]) if given["s_rvalid"] else None
         elif given["m_rready"]:
             self.under_way, self.kept = 0, None
         if given["rst"]:
@@ -49,7 +51,7 @@ async def random_reads(dut) -> None:
     clocks = arguments()["clocks"]
     inputs = {
         "m_arvalid": 0.8, "m_rready": 0.5, "s_arready": 0.8, "s_rvalid": 0.5, "s_rdata": -32,
-        "s_rresp": -2,
+        "s_rresp": -2, "s_stands": 0.5, "standing": -32,
     }  # fmt: skip
     board = await compare(dut, ReadGate(), inputs, rng=random.Random(4), clocks=clocks)
     always = ("m_arready", "s_arvalid", "s_rready", "m_rvalid")

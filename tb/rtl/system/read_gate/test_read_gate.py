@@ -29,7 +29,9 @@ test_a_fault_is_seen = seen(
     ("s_arready and not r.under_way", "s_arready", "m_arready"),
     ("m_arvalid and not r.under_way", "m_arvalid", "s_arvalid"),
     ("s_rready  <= not r.there", "s_rready  <= m_rready", "s_rready"),
-    ("if (r.there = '0') then\n        data", "if (true) then\n        data", "m_r(data|resp)"),
+    ("if (r.there = '0' and s_rvalid", "if (s_rvalid", "m_r(data|resp)"),
     ("elsif (m_rready = '1') then", "else", "[ms]_"),
     ("<= m_arvalid and s_arready", "<= m_arvalid", "[ms]_"),
+    ("if (s_stands = '1') then", "if (false) then", "m_rdata"),
+    ("data or standing", "data", "m_rdata"),
 )

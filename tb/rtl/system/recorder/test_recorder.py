@@ -3,7 +3,8 @@
 Stimulus: random records, both controllers' sizes, at full speed and with pauses; any settings;
 trips and commands within decisions and between them; reads without a pause beside steps at full
 speed.
-Checks: every record that can be read, status and settings, against the model; responses.
+Checks: every record that can be read, status and settings, against the model; responses; data
+stands until it is taken, and nothing is added to another's.
 Faults: words, rows, triggers, edges, counts and the bus's answers go wrong.
 Does not prove: that what is another's passes the bus unchanged: the proof does.
 """
@@ -48,12 +49,16 @@ def test_it_has_no_output_but_the_bus() -> None:
     outputs = re.findall(r"^ +(\w+) *: out ", entity, re.M)
     bus = r"(aw|w|b|ar|r)(valid|ready|data|resp)"
     assert len(outputs) > 10
-    assert [name for name in outputs if not re.fullmatch(f"[ms]_{bus}", name)] == []
+    assert [name for name in outputs if not re.fullmatch(f"[ms]_{bus}|own_data", name)] == []
     shell = (RTL / "system" / "system_shell.vhd").read_text(encoding="utf-8")
     wired = dict(
         re.findall(r"(\w+) +=> (\w+)", shell.partition("i_recorder :")[2].partition(");")[0])
     )
-    assert all(wired[name] in (name, name.replace("m_", "heard_")) for name in outputs)
+    added = {"own_data": "recorded", "m_rdata": "recorded_data"}
+    for name in outputs:
+        assert wired[name] in (name, name.replace("m_", "heard_"), added.get(name))
+    for signal in added.values():
+        assert re.findall(rf"=> {signal}\b", shell.partition("i_recorder :")[0]) == [f"=> {signal}"]
 
 
 STATUS = "status|record"
@@ -61,13 +66,13 @@ STATUS = "status|record"
 FAULTS = [
     Fault("recorder", "words(i) <= step_words(32 * i + 31 downto 32 * i);",
           "words(i) <= step_words(31 downto 0);", "record"),
-    Fault("recorder", "if (r.place /= i) then", "if (r.place < i) then", "record"),
+    Fault("recorder", "if (r.place(i) = '1') then", "if (false) then", "record"),
     Fault("recorder", "v.row  := r.row + 1;", "v.row  := r.row + 2;", "status"),
     Fault("recorder", "r.full or to_std_logic(r.row = 2 ** ROWS_LOG2 - 1)", "r.full", "status"),
     Fault("recorder", "tripped and not r.tripped and", "tripped and", "status"),
     Fault("recorder", "r.known and not r.above and above", "not r.above and above", STATUS),
     Fault("recorder", "r.known and r.above and not above", "r.known and not above", STATUS),
-    Fault("recorder", "half = level", "half /= level", STATUS),
+    Fault("recorder", "and above and not higher)", "and above and higher)", STATUS),
     Fault("recorder", "not b.settings(SETTINGS_NO_SIGN);", "b.settings(SETTINGS_NO_SIGN);",
           STATUS),
     Fault("recorder", "kept := r.whole and (r.fires or r.grid);", "kept := r.whole and r.grid;",
@@ -78,10 +83,13 @@ FAULTS = [
     Fault("recorder", "if (b.looks = '0') then\n            v.fetched := '1';",
           "if (true) then\n            v.fetched := '1';", "read taken|record"),
     Fault("recorder", "r.ends and deadlock and", "r.ended and deadlock and", STATUS),
-    Fault("recorder", "SETTLES    : positive := 3;", "SETTLES    : positive := 2;", STATUS),
+    Fault("recorder", "SETTLES    : positive := 4;", "SETTLES    : positive := 3;", STATUS),
     Fault("recorder", "if (rst = '1' or b.arm = '1') then", "if (rst = '1') then", "status"),
     Fault("recorder", "v.wrong := '1';", "v.wrong := '0';", "write answered"),
     Fault("recorder", "or (b.looks and not rests)", "", "read taken"),
+    Fault("recorder", " or (b.shows and not m_rready)", "", "data stands"),
+    Fault("recorder", "(b.shows and not m_rready)", "b.shows", "data of another"),
+    Fault("recorder", "own_data  <= b.answered;", "own_data  <= b.there;", "own data"),
 ]  # fmt: skip
 
 
