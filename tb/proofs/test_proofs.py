@@ -64,8 +64,6 @@ FAULTS = [
     (name, proof, one)
     for name, proof in OTHERS for one in proof.properties
     if (name, one.name) != ("two_level", "positions_follow_edges")
-    # faults of the search are of graphs with three next positions; each_once's needs four
-    and (proof.entity == "gate_guard" or (name != "two_level" and one.name != "each_once"))
 ]  # fmt: skip
 GRAPHS = [
     (name, proof, configuration)
